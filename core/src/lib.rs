@@ -1,0 +1,17 @@
+//! The words everybody in lenslet shares, and the way from a capture file to views.
+//!
+//! Data flows one way: [`container`] → [`calibration`] → [`decode`] → [`sampling`]; [`sparse`] and
+//! [`dictionary`] serve learned reconstruction, [`lightfield`] holds and stores the views, [`metrics`] scores them.
+//! Nothing here prints or exits. Parallel loops run on the caller's rayon pool; progress and cancellation go
+//! through [`progress::Observer`].
+
+pub mod calibration;
+pub mod container;
+pub mod decode;
+pub mod dictionary;
+pub mod lightfield;
+pub mod metrics;
+pub mod output;
+pub mod progress;
+pub mod sampling;
+pub mod sparse;

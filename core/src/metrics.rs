@@ -1,0 +1,1 @@
+//! PSNR, SSIM, edge measures.

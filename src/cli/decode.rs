@@ -1,0 +1,11 @@
+//! `lenslet decode`
+
+use super::{Context, Outcome};
+
+/// decode
+#[derive(Debug, clap::Args)]
+pub struct Args {}
+
+pub fn run(_args: &Args, _context: &Context) -> anyhow::Result<Outcome> {
+    anyhow::bail!("not built yet")
+}

@@ -1,0 +1,11 @@
+//! `lenslet gen-pairs`
+
+use super::{Context, Outcome};
+
+/// gen-pairs
+#[derive(Debug, clap::Args)]
+pub struct Args {}
+
+pub fn run(_args: &Args, _context: &Context) -> anyhow::Result<Outcome> {
+    anyhow::bail!("not built yet")
+}

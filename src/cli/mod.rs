@@ -1,0 +1,157 @@
+//! The command line: one file a command. What a command prints, and how it ends, is decided here.
+
+mod ablate;
+mod calibrate;
+mod convert;
+mod decode;
+mod demo;
+mod depth;
+mod dict;
+mod extract;
+mod gen_pairs;
+mod infer;
+mod info;
+mod progress;
+mod refocus;
+mod score;
+mod simulate;
+mod train_dict;
+mod view;
+mod viewpoint;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+pub use progress::Progress;
+
+#[derive(Debug, Parser)]
+#[command(
+    name = "lenslet",
+    version,
+    about = "From raw captures of lenslet light-field cameras to high-resolution light fields",
+    propagate_version = true
+)]
+struct Cli {
+    /// Threads to use (default: all cores)
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// No progress, no notes
+    #[arg(short, long, global = true)]
+    quiet: bool,
+    /// Print exactly one JSON object on standard output
+    #[arg(long, global = true)]
+    json: bool,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Demo(demo::Args),
+    Info(info::Args),
+    Extract(extract::Args),
+    Simulate(simulate::Args),
+    Calibrate(calibrate::Args),
+    Decode(decode::Args),
+    Convert(convert::Args),
+    GenPairs(gen_pairs::Args),
+    TrainDict(train_dict::Args),
+    Dict(dict::Args),
+    Infer(infer::Args),
+    Score(score::Args),
+    Ablate(ablate::Args),
+    Refocus(refocus::Args),
+    Depth(depth::Args),
+    Viewpoint(viewpoint::Args),
+    View(view::Args),
+}
+
+fn dispatch(command: &Command, context: &Context) -> anyhow::Result<Outcome> {
+    match command {
+        Command::Demo(a) => demo::run(a, context),
+        Command::Info(a) => info::run(a, context),
+        Command::Extract(a) => extract::run(a, context),
+        Command::Simulate(a) => simulate::run(a, context),
+        Command::Calibrate(a) => calibrate::run(a, context),
+        Command::Decode(a) => decode::run(a, context),
+        Command::Convert(a) => convert::run(a, context),
+        Command::GenPairs(a) => gen_pairs::run(a, context),
+        Command::TrainDict(a) => train_dict::run(a, context),
+        Command::Dict(a) => dict::run(a, context),
+        Command::Infer(a) => infer::run(a, context),
+        Command::Score(a) => score::run(a, context),
+        Command::Ablate(a) => ablate::run(a, context),
+        Command::Refocus(a) => refocus::run(a, context),
+        Command::Depth(a) => depth::run(a, context),
+        Command::Viewpoint(a) => viewpoint::run(a, context),
+        Command::View(a) => view::run(a, context),
+    }
+}
+
+/// What every command is given.
+pub struct Context {
+    /// Progress on stderr, and the interrupt flag.
+    pub progress: Progress,
+    /// Standard output carries one JSON object and nothing else.
+    pub json: bool,
+}
+
+/// What a command has to say: `json` for machines, `text` for people.
+pub struct Outcome {
+    pub json: serde_json::Value,
+    pub text: String,
+}
+
+/// The caller used the command wrongly (exit code 2).
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct Usage(pub String);
+
+/// The user interrupted the work (exit code 130).
+#[derive(Debug, thiserror::Error)]
+#[error("interrupted")]
+pub struct Interrupted;
+
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let threads = cli.threads.map_or(0, usize::from);
+    if let Err(e) = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global() {
+        eprintln!("lenslet: cannot start threads: {e}");
+        return ExitCode::from(1);
+    }
+    let context = Context { progress: Progress::new(cli.quiet), json: cli.json };
+    let result = dispatch(&cli.command, &context);
+    context.progress.clear();
+    match result {
+        Ok(outcome) => {
+            use std::io::Write;
+            let text = if cli.json { outcome.json.to_string() } else { outcome.text };
+            let mut out = std::io::stdout().lock();
+            // A closed pipe is the reader's choice, not our failure.
+            let _ = if text.is_empty() { Ok(()) } else { writeln!(out, "{}", text.trim_end()) };
+            ExitCode::SUCCESS
+        }
+        Err(e) => {
+            let code = if e.chain().any(|c| c.is::<Interrupted>()) {
+                130
+            } else if e.chain().any(|c| c.is::<Usage>()) {
+                2
+            } else {
+                1
+            };
+            // One line: causes joined, line breaks flattened, a cause already told not told again.
+            let mut line = String::new();
+            for cause in e.chain() {
+                let text = cause.to_string().replace(['\n', '\r'], " ");
+                if !line.contains(&text) {
+                    if !line.is_empty() {
+                        line.push_str(": ");
+                    }
+                    line.push_str(&text);
+                }
+            }
+            eprintln!("lenslet: {line}");
+            ExitCode::from(code)
+        }
+    }
+}

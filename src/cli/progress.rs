@@ -1,0 +1,84 @@
+//! Progress on stderr: a bar on a terminal, nothing when quiet or piped; notes go above the bar. Ctrl-C is noticed here.
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use lenslet_core::progress::Observer;
+
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// The command line's observer.
+pub struct Progress {
+    quiet: bool,
+    bar: Mutex<Option<ProgressBar>>,
+}
+
+impl Progress {
+    /// Also installs the Ctrl-C handler: the first asks the work to end, the second ends the process.
+    pub fn new(quiet: bool) -> Self {
+        let _ = ctrlc::set_handler(|| {
+            if INTERRUPTED.swap(true, Ordering::SeqCst) {
+                std::process::exit(130);
+            }
+        });
+        Progress { quiet, bar: Mutex::new(None) }
+    }
+
+    /// Removes the bar.
+    pub fn clear(&self) {
+        if let Ok(mut bar) = self.bar.lock()
+            && let Some(bar) = bar.take()
+        {
+            bar.finish_and_clear();
+        }
+    }
+
+    /// Ends a command early once the user asked for it.
+    pub fn check(&self) -> anyhow::Result<()> {
+        if self.cancelled() { Err(super::Interrupted.into()) } else { Ok(()) }
+    }
+}
+
+impl Observer for Progress {
+    fn begin(&self, stage: &str, total: u64) {
+        if self.quiet {
+            return;
+        }
+        self.clear();
+        let bar = ProgressBar::with_draw_target((total > 0).then_some(total), ProgressDrawTarget::stderr());
+        let template = if total > 0 { "{msg:24} {wide_bar} {pos}/{len} {eta}" } else { "{msg:24} {spinner} {pos}" };
+        if let Ok(style) = ProgressStyle::with_template(template) {
+            bar.set_style(style);
+        }
+        bar.set_message(stage.to_string());
+        if let Ok(mut slot) = self.bar.lock() {
+            *slot = Some(bar);
+        }
+    }
+
+    fn advance(&self, n: u64) {
+        if let Ok(bar) = self.bar.lock()
+            && let Some(bar) = bar.as_ref()
+        {
+            bar.inc(n);
+        }
+    }
+
+    fn note(&self, text: &str) {
+        if self.quiet {
+            return;
+        }
+        match self.bar.lock() {
+            Ok(bar) => match bar.as_ref() {
+                Some(bar) if !bar.is_hidden() => bar.println(text),
+                _ => eprintln!("{text}"),
+            },
+            Err(_) => eprintln!("{text}"),
+        }
+    }
+
+    fn cancelled(&self) -> bool {
+        INTERRUPTED.load(Ordering::SeqCst)
+    }
+}

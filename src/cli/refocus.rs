@@ -1,0 +1,11 @@
+//! `lenslet refocus`
+
+use super::{Context, Outcome};
+
+/// refocus
+#[derive(Debug, clap::Args)]
+pub struct Args {}
+
+pub fn run(_args: &Args, _context: &Context) -> anyhow::Result<Outcome> {
+    anyhow::bail!("not built yet")
+}

@@ -1,0 +1,11 @@
+//! `lenslet train-dict`
+
+use super::{Context, Outcome};
+
+/// train-dict
+#[derive(Debug, clap::Args)]
+pub struct Args {}
+
+pub fn run(_args: &Args, _context: &Context) -> anyhow::Result<Outcome> {
+    anyhow::bail!("not built yet")
+}
