@@ -1,8 +1,19 @@
 //! Sparse coding: min over φ of ½‖y − Dᵀφ‖² + λ‖φ‖₁ for millions of small problems, every answer with its duality gap.
 //!
 //! Scaling: ½ on the data term, no 1/n, atoms of unit norm. `D` is K×m (one atom a row, as in scikit-learn), `Y` is N×m.
+//! [`prepare`] a dictionary once, then [`solve`] any number of signals; every solver has the same signature and gives
+//! the same [`Codes`]. Answers do not depend on the number of threads nor on the order of the signals.
 
-use ndarray::ArrayView2;
+mod codes;
+mod descent;
+mod gap;
+mod omp;
+mod prepared;
+mod solve;
+
+pub use codes::Codes;
+pub use prepared::{Prepared, prepare};
+pub use solve::solve;
 
 /// How strongly codes are penalised.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -73,23 +84,6 @@ pub enum Ended {
     Stalled,
 }
 
-/// Sparse codes of N signals in compressed rows: signal n has entries `indptr[n]..indptr[n+1]`.
-#[derive(Debug, Clone, Default)]
-pub struct Codes {
-    /// N+1 offsets.
-    pub indptr: Vec<usize>,
-    /// Atom of each entry.
-    pub atoms: Vec<u32>,
-    /// Value of each entry.
-    pub values: Vec<f32>,
-    /// Duality gap of each signal (absolute, in f64); NaN for OMP.
-    pub gaps: Vec<f64>,
-    /// Iterations of each signal.
-    pub iterations: Vec<u32>,
-    /// How each ended.
-    pub ended: Vec<Ended>,
-}
-
 /// What goes wrong in sparse coding.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -108,26 +102,4 @@ pub enum Error {
     /// A parameter out of range.
     #[error("{0}")]
     Parameter(String),
-}
-
-/// A dictionary made ready for solving: atoms, Gram matrix, bounds.
-#[derive(Debug, Clone)]
-pub struct Prepared {
-    // the solver's own
-}
-
-/// Prepares atoms (K×m, one unit-norm atom a row; norms within 1e-3 of 1) for solving.
-///
-/// # Errors
-/// Non-finite atoms, empty shapes, norms far from one.
-pub fn prepare(_atoms: ArrayView2<'_, f32>) -> Result<Prepared, Error> {
-    Err(Error::Shape("not built yet".into()))
-}
-
-/// Solves min ½‖y − Dᵀφ‖² + λ‖φ‖₁ for every row of `signals` (N×m) on the current rayon pool.
-///
-/// # Errors
-/// Non-finite signals, shapes that do not fit, parameters out of range.
-pub fn solve(_dictionary: &Prepared, _signals: ArrayView2<'_, f32>, _options: &Options) -> Result<Codes, Error> {
-    Err(Error::Shape("not built yet".into()))
 }
