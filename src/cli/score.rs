@@ -1,11 +1,164 @@
-//! `lenslet score`
+//! `lenslet score`: PSNR and SSIM of a light field against another, view by view and in the mean.
 
-use super::{Context, Outcome};
+use std::path::{Path, PathBuf};
 
-/// score
+use anyhow::Context as _;
+use lenslet_core::lightfield::{self, ColourSpace, ReadOptions, ViewSource, colour};
+use lenslet_core::metrics::{self, Window};
+use lenslet_core::progress::Observer;
+use ndarray::Array3;
+use serde_json::{Map, Value, json};
+
+use super::{Context, Outcome, Usage};
+
+/// Score a light field (or picture) against a reference: PSNR of colour and luminance, SSIM of luminance
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(after_help = "\
+Example: lenslet score decoded/ truth/views/ --border 12
 
-pub fn run(_args: &Args, _context: &Context) -> anyhow::Result<Outcome> {
-    anyhow::bail!("not built yet")
+Values are compared as sRGB-encoded 0..1 (two linear light fields: as they are). `mean` is the mean over views of
+each view's score. A view equal to its reference has no finite PSNR: it is null, marked `identical`, and left out of
+the mean. SSIM is that of scikit-image with gaussian_weights=True, sigma=1.5, use_sample_covariance=False.")]
+pub struct Args {
+    /// The light field or picture to score
+    result: PathBuf,
+    /// What it should be
+    reference: PathBuf,
+    /// Leave out this many pixels on each side
+    #[arg(long, default_value_t = 0, value_name = "PIXELS")]
+    border: usize,
+    /// Window of SSIM: gaussian (11x11, sigma 1.5) or uniform (7x7, scikit-image's default)
+    #[arg(long, default_value = "gaussian", value_parser = ["gaussian", "uniform"])]
+    ssim: String,
+    /// Views (N or ROWSxCOLUMNS) of files that do not say so
+    #[arg(long, value_name = "N", value_parser = parse_views)]
+    views: Option<[usize; 2]>,
+}
+
+/// `7` or `7x9` as (rows, columns).
+pub fn parse_views(text: &str) -> Result<[usize; 2], String> {
+    let one = |t: &str| match t.parse() {
+        Ok(n) if (1..=lightfield::MAX_VIEWS).contains(&n) => Ok(n),
+        _ => Err(format!("`{t}` is not a number from 1 to {}", lightfield::MAX_VIEWS)),
+    };
+    match text.split_once('x') {
+        Some((rows, columns)) => Ok([one(rows)?, one(columns)?]),
+        None => one(text).map(|n| [n, n]),
+    }
+}
+
+/// One view's scores.
+struct Scores {
+    psnr_rgb: f64,
+    psnr_y: f64,
+    ssim_y: f64,
+}
+
+pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
+    let options = ReadOptions { views: args.views, ..ReadOptions::default() };
+    let result = lightfield::open(&args.result, &options)?;
+    let reference = lightfield::open(&args.reference, &options)?;
+    comparable(result.as_ref(), reference.as_ref(), args)?;
+    let window = if args.ssim == "uniform" { Window::Uniform } else { Window::Gaussian };
+    let both_linear = [&result, &reference].iter().all(|l| l.meta().colour == ColourSpace::Linear);
+    let [rows, columns] = result.meta().views;
+
+    context.progress.begin("scoring views", (rows * columns) as u64);
+    let mut views = Vec::new();
+    for v in 0..rows {
+        for u in 0..columns {
+            context.progress.check()?;
+            let read = |source: &dyn ViewSource| -> anyhow::Result<Array3<f32>> {
+                let mut view = source.read(v, u)?;
+                if !both_linear {
+                    colour::convert(&mut view, source.meta().colour, ColourSpace::Srgb);
+                }
+                Ok(view)
+            };
+            let scores = score(&read(result.as_ref())?, &read(reference.as_ref())?, args.border, window)
+                .with_context(|| format!("view ({v}, {u}) of {}", args.result.display()))?;
+            views.push((v, u, scores));
+            context.progress.advance(1);
+        }
+    }
+    Ok(outcome(&views, if both_linear { "linear" } else { "srgb" }, args))
+}
+
+/// Says what makes two light fields impossible to compare.
+fn comparable(result: &dyn ViewSource, reference: &dyn ViewSource, args: &Args) -> anyhow::Result<()> {
+    let (a, b) = (result.meta(), reference.meta());
+    let tell = |path: &Path, m: &lightfield::Meta| {
+        let [rows, columns] = m.views;
+        let [height, width] = m.size;
+        format!("{} has {rows}x{columns} views of {width}x{height}", path.display())
+    };
+    if a.views != b.views || a.size != b.size {
+        anyhow::bail!(
+            "{}, but {}; they can be scored only when both agree",
+            tell(&args.result, a),
+            tell(&args.reference, b)
+        );
+    }
+    if 2 * args.border.min(usize::MAX / 2) >= a.size[0].min(a.size[1]) {
+        let [height, width] = a.size;
+        return Err(Usage(format!("--border {} leaves nothing of {width}x{height} pixels", args.border)).into());
+    }
+    Ok(())
+}
+
+/// Scores of one view, both of shape (t, s, c).
+fn score(result: &Array3<f32>, reference: &Array3<f32>, border: usize, window: Window) -> anyhow::Result<Scores> {
+    let cut = |view: &Array3<f32>| metrics::inner(&view.view(), border).map(|v| v.to_owned());
+    let (Some(a), Some(b)) = (cut(result), cut(reference)) else { anyhow::bail!("--border leaves nothing") };
+    let (ya, yb) = (metrics::luminance(a.view()), metrics::luminance(b.view()));
+    let psnr_y = metrics::psnr(ya.view().into_dyn(), yb.view().into_dyn())?;
+    // Against a grey picture only luminance can be compared.
+    let psnr_rgb = if a.dim() == b.dim() { metrics::psnr(a.view().into_dyn(), b.view().into_dyn())? } else { psnr_y };
+    Ok(Scores { psnr_rgb, psnr_y, ssim_y: metrics::ssim(ya.view(), yb.view(), window)? })
+}
+
+/// Mean of the finite values, null when there is none.
+fn mean(values: impl Iterator<Item = f64>) -> Value {
+    let finite: Vec<f64> = values.filter(|x| x.is_finite()).collect();
+    if finite.is_empty() { Value::Null } else { json!(finite.iter().sum::<f64>() / finite.len() as f64) }
+}
+
+fn outcome(views: &[(usize, usize, Scores)], compared: &str, args: &Args) -> Outcome {
+    let identical = views.iter().filter(|v| v.2.psnr_rgb.is_infinite()).count();
+    let of = |pick: fn(&Scores) -> f64| mean(views.iter().map(|v| pick(&v.2)));
+    let mean = json!({"psnr_rgb": of(|s| s.psnr_rgb), "psnr_y": of(|s| s.psnr_y), "ssim_y": of(|s| s.ssim_y)});
+    let list: Vec<Value> = views
+        .iter()
+        .map(|(v, u, s)| {
+            // serde_json writes an infinite number as null.
+            let mut one = json!({"v": v, "u": u, "psnr_rgb": s.psnr_rgb, "psnr_y": s.psnr_y, "ssim_y": s.ssim_y});
+            if let (true, Some(one)) = (s.psnr_rgb.is_infinite(), one.as_object_mut()) {
+                one.insert("identical".into(), json!(true));
+            }
+            one
+        })
+        .collect();
+    let mut object = Map::new();
+    object.insert("mean".into(), mean.clone());
+    object.insert("views".into(), json!(list));
+    object.insert("compared".into(), json!(compared));
+    object.insert("ssim".into(), json!(args.ssim));
+    object.insert("border".into(), json!(args.border));
+    let show = |key: &str, unit: &str, digits: usize| match mean[key].as_f64() {
+        Some(x) => format!("{x:.digits$}{unit}"),
+        None => "equal".into(),
+    };
+    let mut text = format!(
+        "mean of {} views: PSNR {} (colour), {} (luminance), SSIM {} (luminance)",
+        views.len(),
+        show("psnr_rgb", " dB", 2),
+        show("psnr_y", " dB", 2),
+        show("ssim_y", "", 4)
+    );
+    if identical > 0 {
+        let note = format!("{identical} of {} views equal their reference; the mean PSNR leaves them out", views.len());
+        text = format!("{text}\n{note}");
+        object.insert("note".into(), json!(note));
+    }
+    Outcome { json: Value::Object(object), text }
 }

@@ -1,0 +1,111 @@
+//! Our directory (design section 3): `lightfield.json` and `view_VV_UU.png`, 16 bit, row v, column u, from 00.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use ndarray::Array3;
+
+use super::queue::Queue;
+use super::{Error, Meta, ViewSink, ViewSource, image_file, io_at, malformed, unsupported};
+use crate::output::Pending;
+
+/// Name of the description.
+pub(super) const DESCRIPTION: &str = "lightfield.json";
+/// Largest description that is read, bytes.
+const MAX_DESCRIPTION: u64 = 16 << 20;
+
+fn view_name(v: usize, u: usize) -> String {
+    format!("view_{v:02}_{u:02}.png")
+}
+
+/// Writes views as they come; encoding happens on the rayon pool.
+pub(super) struct Writer {
+    meta: Meta,
+    written: Vec<bool>,
+    // Dropped after `queue` has been waited for (see Drop), so no job writes into a folder being removed.
+    pending: Option<Pending>,
+    queue: Queue,
+}
+
+impl Writer {
+    pub(super) fn create(path: &Path, meta: Meta, force: bool) -> Result<Self, Error> {
+        let pending = Pending::directory(path, force)?;
+        let written = vec![false; meta.views[0] * meta.views[1]];
+        Ok(Writer { meta, written, pending: Some(pending), queue: Queue::new() })
+    }
+}
+
+impl ViewSink for Writer {
+    fn write(&mut self, v: usize, u: usize, view: &Array3<f32>) -> Result<(), Error> {
+        self.meta.check_view(v, u, view)?;
+        let Some(pending) = &self.pending else { return Err(Error::Parameter("light field is finished".into())) };
+        let path = pending.path().join(view_name(v, u));
+        let samples = image_file::to_sixteen_bits(view);
+        let (height, width, channels) = view.dim();
+        self.written[v * self.meta.views[1] + u] = true;
+        self.queue.submit(move || {
+            let png = image_file::encode_png(&samples, width, height, channels, &path)?;
+            fs::write(&path, png).map_err(io_at(&path))
+        })
+    }
+
+    fn finish(mut self: Box<Self>) -> Result<(), Error> {
+        self.queue.wait()?;
+        super::all_written(&self.written, self.meta.views[1])?;
+        let Some(pending) = self.pending.take() else { return Ok(()) };
+        let path = pending.path().join(DESCRIPTION);
+        let text = serde_json::to_string_pretty(&self.meta)
+            .map_err(|e| Error::Parameter(format!("cannot describe the light field: {e}")))?;
+        fs::write(&path, text + "\n").map_err(io_at(&path))?;
+        Ok(pending.commit()?)
+    }
+}
+
+impl Drop for Writer {
+    fn drop(&mut self) {
+        // Only an abandoned writer still has jobs; its failures no longer matter.
+        let _ = self.queue.wait();
+    }
+}
+
+/// Reads our directory.
+pub(super) struct Reader {
+    folder: PathBuf,
+    meta: Meta,
+}
+
+impl Reader {
+    pub(super) fn open(folder: &Path) -> Result<Self, Error> {
+        let path = folder.join(DESCRIPTION);
+        let length = fs::metadata(&path).map_err(io_at(&path))?.len();
+        if length > MAX_DESCRIPTION {
+            return Err(malformed(&path, format!("{length} bytes are too many for a description")));
+        }
+        let bytes = fs::read(&path).map_err(io_at(&path))?;
+        let value: serde_json::Value =
+            serde_json::from_slice(&bytes).map_err(|e| malformed(&path, format!("not a description: {e}")))?;
+        if let Some(version) = value.get("version").and_then(serde_json::Value::as_u64)
+            && version != 1
+        {
+            let reason =
+                format!("format version {version}, but only version 1 is known here; a newer lenslet may read it");
+            return Err(unsupported(&path, reason));
+        }
+        let meta: Meta =
+            serde_json::from_value(value).map_err(|e| malformed(&path, format!("not a description: {e}")))?;
+        meta.check().map_err(|e| malformed(&path, e.to_string()))?;
+        Ok(Reader { folder: folder.to_path_buf(), meta })
+    }
+}
+
+impl ViewSource for Reader {
+    fn meta(&self) -> &Meta {
+        &self.meta
+    }
+
+    fn read(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {
+        super::check_place(&self.meta, v, u)?;
+        let path = self.folder.join(view_name(v, u));
+        image_file::read_expecting(&path, &self.meta)
+    }
+}

@@ -1,0 +1,61 @@
+//! Light fields stored as one block of numbers in any axis order, held in memory as stored.
+
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::Path;
+
+use ndarray::Array3;
+
+use super::number::Number;
+use super::{Error, io_at, unsupported};
+
+/// Largest block held in memory, bytes.
+const MAX_BLOCK: u64 = 4 << 30;
+
+/// Where the value (v, u, t, s, c) stands, in numbers from the start, and what the numbers are.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Layout {
+    /// Steps along v, u, t, s and c.
+    pub(super) strides: [usize; 5],
+    /// The stored number.
+    pub(super) number: Number,
+    /// The stored value of 1.0.
+    pub(super) scale: f32,
+}
+
+/// A block of numbers read as views.
+pub(super) struct Strided {
+    bytes: Vec<u8>,
+    layout: Layout,
+}
+
+impl Strided {
+    /// Reads `count` numbers from `start` of a file; the caller has compared them with its length.
+    pub(super) fn read(path: &Path, start: u64, count: u64, layout: Layout) -> Result<Self, Error> {
+        let length = count * layout.number.kind.bytes() as u64;
+        if length > MAX_BLOCK {
+            let reason = format!(
+                "{} MiB in an order that must be read whole, more than the limit of {} MiB; save it in C order",
+                length >> 20,
+                MAX_BLOCK >> 20
+            );
+            return Err(unsupported(path, reason));
+        }
+        let mut file = File::open(path).map_err(io_at(path))?;
+        file.seek(SeekFrom::Start(start)).map_err(io_at(path))?;
+        let mut bytes = vec![0; length as usize];
+        file.read_exact(&mut bytes).map_err(io_at(path))?;
+        Ok(Strided { bytes, layout })
+    }
+
+    /// View (v, u) of shape (t, s, c); places outside of the block read as 0.
+    pub(super) fn view(&self, v: usize, u: usize, shape: (usize, usize, usize)) -> Array3<f32> {
+        let Layout { strides, number, scale } = self.layout;
+        let width = number.kind.bytes();
+        let origin = v * strides[0] + u * strides[1];
+        Array3::from_shape_fn(shape, |(t, s, c)| {
+            let at = width * (origin + t * strides[2] + s * strides[3] + c * strides[4]);
+            self.bytes.get(at..at + width).map_or(0.0, |b| (number.read(b) / f64::from(scale)) as f32)
+        })
+    }
+}

@@ -1,1 +1,0 @@
-//! PSNR, SSIM, edge measures.
