@@ -21,6 +21,8 @@ pub struct Codes {
     pub iterations: Vec<u32>,
     /// How each ended.
     pub ended: Vec<Ended>,
+    /// Signals the f32 active set left to the f64 one (ill-conditioned supports, tight tolerances).
+    pub redone_in_f64: usize,
 }
 
 impl Codes {

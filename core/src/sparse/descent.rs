@@ -1,9 +1,9 @@
 //! Coordinate descent on the Gram matrix: min ½‖y − Dᵀφ‖² + λ‖φ‖₁, one coordinate at a time, mostly over the support.
 //!
-//! The gradient c = D y − G φ is kept up to date; a full sweep alternates with sweeps over the support until those settle.
+//! The gradient c = D y − G φ is kept up to date and computed anew with every gap; a full sweep alternates with sweeps over the support until those settle.
 
+use super::Ended;
 use super::solve::{Finished, Problem, Work};
-use super::{Ended, gap};
 
 /// Solves one signal; leaves its code in `work.code` (dense over atoms, zero elsewhere) and its support in `work.support`.
 pub(super) fn solve(problem: &Problem<'_>, work: &mut Work) -> Finished {
@@ -32,7 +32,7 @@ pub(super) fn solve(problem: &Problem<'_>, work: &mut Work) -> Finished {
                 break;
             }
         }
-        let gap = full_gap(problem, work);
+        let gap = work.gap(problem);
         if gap <= goal {
             return Finished { gap, iterations, ended: Ended::Converged };
         }
@@ -42,9 +42,6 @@ pub(super) fn solve(problem: &Problem<'_>, work: &mut Work) -> Finished {
         let floor = 1e-8 * problem.largest;
         if settled <= floor && gap >= 0.999 * last {
             return Finished { gap, iterations, ended: Ended::Stalled };
-        }
-        if settled <= floor {
-            refresh(problem, work);
         }
         settled = (settled * 0.1).max(floor);
         last = gap;
@@ -74,23 +71,4 @@ fn step(problem: &Problem<'_>, work: &mut Work, j: usize, lambda: f32) -> f32 {
         }
     }
     change.abs()
-}
-
-/// The gap in f64 with all correlations computed anew.
-fn full_gap(problem: &Problem<'_>, work: &mut Work) -> f64 {
-    let norm1 = work.residual(problem);
-    let mut largest = 0.0f64;
-    for j in 0..problem.dictionary.atom_count() {
-        let c = gap::dot(problem.dictionary.atom(j), &work.residual);
-        largest = largest.max(if problem.nonnegative { c } else { c.abs() });
-    }
-    let signal = problem.signal.iter().map(|&v| f64::from(v));
-    gap::certify(signal, &work.residual, norm1, f64::from(problem.lambda), largest).gap
-}
-
-/// The gradient anew from the f64 residual, against drift.
-fn refresh(problem: &Problem<'_>, work: &mut Work) {
-    for j in 0..problem.dictionary.atom_count() {
-        work.gradient[j] = gap::dot(problem.dictionary.atom(j), &work.residual) as f32;
-    }
 }

@@ -2,44 +2,45 @@
 //!
 //! r = y − Dᵀφ and s is the best factor that keeps θ feasible. A gap of g proves the objective within g of its minimum.
 
-/// What [`certify`] finds.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Certificate {
-    /// P − dual ≥ P − P*.
-    pub gap: f64,
-}
+use super::simd::Chunk;
 
-/// Gap from the f64 residual, ‖φ‖₁ and the largest correlation max |D r| (max D r with non-negative codes).
-pub(super) fn certify(
-    signal: impl Iterator<Item = f64>,
-    residual: &[f64],
-    norm1: f64,
-    lambda: f64,
-    largest: f64,
-) -> Certificate {
-    let (mut rr, mut yr) = (0.0, 0.0);
-    for (y, &r) in signal.zip(residual) {
-        rr += r * r;
-        yr += y * r;
-    }
+/// Gap from y·r, ‖r‖², ‖φ‖₁ and the largest correlation max |D r| (max D r with non-negative codes).
+#[inline(always)]
+pub(super) fn certify(yr: f64, rr: f64, norm1: f64, lambda: f64, largest: f64) -> f64 {
     let primal = 0.5 * rr + lambda * norm1;
     let most = if largest > lambda { lambda / largest } else { 1.0 };
     // The dual value s·y·r − ½s²‖r‖² grows up to s = y·r/‖r‖².
     let s = if rr > 0.0 { (yr / rr).clamp(0.0, most) } else { 0.0 };
     let dual = s * yr - 0.5 * s * s * rr;
-    Certificate { gap: (primal - dual).max(0.0) }
+    (primal - dual).max(0.0)
 }
 
-/// Inner product in f64 of an f32 row and an f64 vector, in eight fixed lanes.
-pub(super) fn dot(a: &[f32], b: &[f64]) -> f64 {
-    let mut lanes = [0.0f64; 8];
-    let (a8, a_rest) = a.as_chunks::<8>();
-    let (b8, b_rest) = b.as_chunks::<8>();
-    for (x, y) in a8.iter().zip(b8) {
-        for i in 0..8 {
-            lanes[i] += f64::from(x[i]) * y[i];
+/// Inner product in f64 of an f32 row and an f64 vector, in sixteen fixed lanes.
+#[inline(always)]
+pub(super) fn dot(a: &[Chunk], b: &[[f64; 16]]) -> f64 {
+    let mut lanes = [0.0f64; 16];
+    for (x, y) in a.iter().zip(b) {
+        for i in 0..16 {
+            lanes[i] += f64::from(x.0[i]) * y[i];
         }
     }
-    let tail: f64 = a_rest.iter().zip(b_rest).map(|(&x, &y)| f64::from(x) * y).sum();
-    lanes.iter().sum::<f64>() + tail
+    sum(&lanes)
+}
+
+/// Sum of sixteen lanes: halves added onto each other.
+#[inline(always)]
+pub(super) fn sum(lanes: &[f64; 16]) -> f64 {
+    let b: [f64; 8] = std::array::from_fn(|i| lanes[i] + lanes[i + 8]);
+    let c: [f64; 4] = std::array::from_fn(|i| b[i] + b[i + 4]);
+    (c[0] + c[2]) + (c[1] + c[3])
+}
+
+/// r −= v·d, lane by lane.
+#[inline(always)]
+pub(super) fn subtract(r: &mut [[f64; 16]], v: f64, d: &[Chunk]) {
+    for (r, d) in r.iter_mut().zip(d) {
+        for (r, &d) in r.iter_mut().zip(&d.0) {
+            *r -= v * f64::from(d);
+        }
+    }
 }

@@ -4,15 +4,23 @@
 //! [`prepare`] a dictionary once, then [`solve`] any number of signals; every solver has the same signature and gives
 //! the same [`Codes`]. Answers do not depend on the number of threads nor on the order of the signals.
 
+mod active;
 mod codes;
 mod descent;
+mod exact;
+mod fast;
 mod gap;
 mod omp;
 mod prepared;
+mod product;
+mod sampled;
+mod simd;
 mod solve;
 
 pub use codes::Codes;
 pub use prepared::{Prepared, prepare};
+pub use sampled::{solve_sampled, solve_weighted};
+pub use simd::Simd;
 pub use solve::solve;
 
 /// How strongly codes are penalised.

@@ -1,11 +1,15 @@
 //! One call for all solvers: checks, blocks of signals over the rayon pool, D y as one product a block, codes in order.
 
-use super::{Codes, Ended, Error, Options, Penalty, Prepared, Solver, descent, omp};
+use super::fast::{Fast, Scratch};
+use super::simd::{dispatch, flat};
+use super::{Codes, Ended, Error, Options, Penalty, Prepared, Solver, descent, gap, omp, prepared, product};
 use ndarray::{ArrayView2, Axis};
 use rayon::prelude::*;
 
-/// Signals solved together; fixed, so that nothing depends on threads.
-const BLOCK: usize = 128;
+/// Signals a thread takes at a time; fixed, so that nothing depends on threads.
+const BLOCK: usize = 240;
+/// Signals whose correlations are held together.
+const PART: usize = 24;
 
 /// One signal's problem.
 pub(super) struct Problem<'a> {
@@ -13,7 +17,7 @@ pub(super) struct Problem<'a> {
     pub signal: &'a [f32],
     /// D y.
     pub correlations: &'a [f32],
-    /// max |D y|.
+    /// max |D y| (max D y with non-negative codes).
     pub largest: f32,
     pub lambda: f32,
     /// The gap that ends the solve.
@@ -31,7 +35,7 @@ pub(super) struct Finished {
     pub ended: Ended,
 }
 
-/// Scratch of one thread.
+/// Scratch of one thread for the plain solvers.
 pub(super) struct Work {
     /// Dense code; zero outside `support`.
     pub code: Vec<f32>,
@@ -74,6 +78,24 @@ impl Work {
         }
         norm1
     }
+
+    /// The gap in f64, all correlations computed anew into `gradient`.
+    pub fn gap(&mut self, problem: &Problem<'_>) -> f64 {
+        let norm1 = self.residual(problem);
+        let mut correlations = vec![0.0; problem.dictionary.atom_count()];
+        super::exact::correlate_whole(problem.dictionary, &self.residual, &mut correlations);
+        let mut largest = 0.0f64;
+        for (g, &c) in self.gradient.iter_mut().zip(&correlations) {
+            *g = c as f32;
+            largest = largest.max(if problem.nonnegative { c } else { c.abs() });
+        }
+        let (mut yr, mut rr) = (0.0, 0.0);
+        for (&y, &r) in problem.signal.iter().zip(&self.residual) {
+            yr += f64::from(y) * r;
+            rr += r * r;
+        }
+        gap::certify(yr, rr, norm1, f64::from(problem.lambda), largest)
+    }
 }
 
 /// Solves min ½‖y − Dᵀφ‖² + λ‖φ‖₁ for every row of `signals` (N×m) on the current rayon pool.
@@ -82,20 +104,19 @@ impl Work {
 /// Non-finite signals, shapes that do not fit, parameters out of range.
 pub fn solve(dictionary: &Prepared, signals: ArrayView2<'_, f32>, options: &Options) -> Result<Codes, Error> {
     check(dictionary, &signals, options)?;
+    if matches!(options.solver, Solver::Ista | Solver::Fista | Solver::Homotopy) {
+        return Err(Error::Parameter(format!("the solver {:?} is not there yet", options.solver)));
+    }
     let signals = signals.as_standard_layout();
-    let blocks: Result<Vec<Codes>, Error> = (0..signals.nrows().div_ceil(BLOCK))
-        .into_par_iter()
+    let Some(flat) = signals.as_slice() else { return Err(Error::Shape("signals without a layout".into())) };
+    let blocks: Vec<Codes> = flat
+        .par_chunks(BLOCK * dictionary.signal_len())
         .map_init(
-            || Work::new(dictionary),
-            |work, block| {
-                let from = block * BLOCK;
-                let to = (from + BLOCK).min(signals.nrows());
-                let part = signals.view().split_at(Axis(0), to).0.split_at(Axis(0), from).1;
-                solve_block(dictionary, part, options, work)
-            },
+            || (Scratch::new(dictionary, PART), Work::new(dictionary)),
+            |(scratch, work), block| solve_block(dictionary, block, options, scratch, work),
         )
         .collect();
-    Ok(join(&blocks?))
+    Ok(join(&blocks))
 }
 
 /// Refuses what cannot be solved.
@@ -107,6 +128,21 @@ fn check(dictionary: &Prepared, signals: &ArrayView2<'_, f32>, options: &Options
             dictionary.signal_len()
         )));
     }
+    check_options(options)?;
+    let counted = matches!(options.penalty, Penalty::NonZeros(_));
+    let counts = matches!(options.solver, Solver::Auto | Solver::Omp);
+    if (counted && !counts) || (!counted && options.solver == Solver::Omp) {
+        return Err(Error::Parameter("a number of non-zeros and the solver OMP go together".into()));
+    }
+    let bad = signals.axis_iter(Axis(0)).into_par_iter().position_first(|row| row.iter().any(|v| !v.is_finite()));
+    match bad {
+        Some(row) => Err(Error::NotFinite { what: "the signals", row }),
+        None => Ok(()),
+    }
+}
+
+/// Refuses parameters out of range.
+pub(super) fn check_options(options: &Options) -> Result<(), Error> {
     match options.penalty {
         Penalty::Lambda(v) | Penalty::FractionOfMax(v) if !(v.is_finite() && v >= 0.0) => {
             return Err(Error::Parameter(format!("λ must be a number of at least 0, not {v}")));
@@ -116,66 +152,79 @@ fn check(dictionary: &Prepared, signals: &ArrayView2<'_, f32>, options: &Options
     if !(options.tolerance.is_finite() && options.tolerance >= 0.0) {
         return Err(Error::Parameter(format!("the tolerance must be at least 0, not {}", options.tolerance)));
     }
-    if matches!(options.penalty, Penalty::NonZeros(_)) != (options.solver == Solver::Omp) {
-        return Err(Error::Parameter("a number of non-zeros and the solver OMP go together".into()));
-    }
     if options.max_iterations == 0 {
         return Err(Error::Parameter("at least one iteration is needed".into()));
     }
-    let bad = signals.axis_iter(Axis(0)).into_par_iter().position_first(|row| row.iter().any(|v| !v.is_finite()));
-    match bad {
-        Some(row) => Err(Error::NotFinite { what: "the signals", row }),
-        None => Ok(()),
-    }
+    Ok(())
 }
 
 fn solve_block(
     dictionary: &Prepared,
-    signals: ArrayView2<'_, f32>,
+    signals: &[f32],
     options: &Options,
+    scratch: &mut Scratch,
     work: &mut Work,
-) -> Result<Codes, Error> {
-    let correlations = signals.dot(&dictionary.atoms().t());
+) -> Codes {
+    let m = dictionary.signal_len();
     let mut codes = Codes { indptr: vec![0], ..Codes::default() };
-    for (signal, correlations) in signals.rows().into_iter().zip(correlations.rows()) {
-        let (Some(signal), Some(correlations)) = (signal.as_slice(), correlations.as_slice()) else { continue };
-        let largest = correlations.iter().fold(0.0f32, |m, &c| m.max(if options.nonnegative { c } else { c.abs() }));
-        let lambda = match options.penalty {
-            Penalty::Lambda(v) => v,
-            Penalty::FractionOfMax(f) => f * largest,
-            Penalty::NonZeros(_) => 0.0,
-        };
-        let energy = 0.5 * signal.iter().map(|&v| f64::from(v) * f64::from(v)).sum::<f64>();
-        let problem = Problem {
-            dictionary,
-            signal,
-            correlations,
-            largest,
-            lambda,
-            goal: options.tolerance * energy,
-            max_iterations: u32::try_from(options.max_iterations).unwrap_or(u32::MAX),
-            nonnegative: options.nonnegative,
-            most: if let Penalty::NonZeros(most) = options.penalty { most } else { usize::MAX },
-        };
-        let finished = match options.solver {
-            Solver::CoordinateDescent | Solver::Auto => descent::solve(&problem, work),
-            Solver::Omp => omp::solve(&problem, work),
-            _ => return Err(Error::Parameter(format!("solver {:?} is not there yet", options.solver))),
-        };
-        push(&mut codes, work, lambda, &finished);
+    let counted = matches!(options.penalty, Penalty::NonZeros(_));
+    for part in signals.chunks(PART * m) {
+        if matches!(options.solver, Solver::Auto | Solver::ActiveSet) && !counted {
+            let fast = Fast { dictionary, signals: part, options, scratch, codes: &mut codes };
+            dispatch(dictionary.simd(), fast);
+            continue;
+        }
+        product::interleave(part.chunks_exact(m), m, &mut scratch.interleaved);
+        let signals = &scratch.interleaved;
+        dispatch(dictionary.simd(), prepared::Correlate { dictionary, signals, out: &mut scratch.correlations });
+        for (signal, correlations) in part.chunks_exact(m).zip(scratch.correlations.chunks_exact(dictionary.width())) {
+            let correlations = &flat(correlations)[..dictionary.atom_count()];
+            solve_plainly(dictionary, signal, correlations, options, work, &mut codes);
+        }
     }
-    Ok(codes)
+    codes
 }
 
-/// Appends one signal's code, atoms ascending.
-fn push(codes: &mut Codes, work: &mut Work, lambda: f32, finished: &Finished) {
-    work.support.sort_unstable();
-    for &j in &work.support {
-        let v = work.code[j as usize];
-        if v != 0.0 {
-            codes.atoms.push(j);
-            codes.values.push(v);
-        }
+fn solve_plainly(
+    dictionary: &Prepared,
+    signal: &[f32],
+    correlations: &[f32],
+    options: &Options,
+    work: &mut Work,
+    codes: &mut Codes,
+) {
+    let largest = correlations.iter().fold(0.0f32, |m, &c| m.max(if options.nonnegative { c } else { c.abs() }));
+    let lambda = match options.penalty {
+        Penalty::Lambda(v) => v,
+        Penalty::FractionOfMax(f) => f * largest,
+        Penalty::NonZeros(_) => 0.0,
+    };
+    let energy = 0.5 * signal.iter().map(|&v| f64::from(v) * f64::from(v)).sum::<f64>();
+    let problem = Problem {
+        dictionary,
+        signal,
+        correlations,
+        largest,
+        lambda,
+        goal: options.tolerance * energy,
+        max_iterations: u32::try_from(options.max_iterations).unwrap_or(u32::MAX),
+        nonnegative: options.nonnegative,
+        most: if let Penalty::NonZeros(most) = options.penalty { most } else { usize::MAX },
+    };
+    let finished = match options.solver {
+        Solver::Omp | Solver::Auto => omp::solve(&problem, work),
+        _ => descent::solve(&problem, work),
+    };
+    let mut entries: Vec<(u32, f32)> = work.support.iter().map(|&j| (j, work.code[j as usize])).collect();
+    push(codes, &mut entries, lambda, &finished);
+}
+
+/// Appends one signal's code, atoms ascending, zeros left out.
+pub(super) fn push(codes: &mut Codes, entries: &mut [(u32, f32)], lambda: f32, finished: &Finished) {
+    entries.sort_unstable_by_key(|e| e.0);
+    for &(atom, value) in entries.iter().filter(|e| e.1 != 0.0) {
+        codes.atoms.push(atom);
+        codes.values.push(value);
     }
     codes.indptr.push(codes.atoms.len());
     codes.gaps.push(finished.gap);
@@ -185,7 +234,7 @@ fn push(codes: &mut Codes, work: &mut Work, lambda: f32, finished: &Finished) {
 }
 
 /// Blocks one after the other.
-fn join(blocks: &[Codes]) -> Codes {
+pub(super) fn join(blocks: &[Codes]) -> Codes {
     let mut all = Codes { indptr: vec![0], ..Codes::default() };
     for block in blocks {
         let base = all.atoms.len();
@@ -196,6 +245,7 @@ fn join(blocks: &[Codes]) -> Codes {
         all.lambdas.extend_from_slice(&block.lambdas);
         all.iterations.extend_from_slice(&block.iterations);
         all.ended.extend_from_slice(&block.ended);
+        all.redone_in_f64 += block.redone_in_f64;
     }
     all
 }
