@@ -1,1 +1,0 @@
-//! A scene of textured layers seen by a simulated lenslet camera: captures, white images, truth.

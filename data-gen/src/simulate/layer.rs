@@ -1,0 +1,246 @@
+//! One textured layer of a scene: a picture with transparency on a plane, low-passed by the lenslet's footprint.
+//!
+//! Positions on a layer are those of the central view, in lenslet pitches from the sensor's centre. A layer's disparity is
+//! d(X) = d0 + g·X, in pitches per sensor pixel of offset: a point at X shows at P = X + d(X)·δ under offset δ (sensor
+//! pixels), so P looks at X = P − d·δ with d = (d0 + g·P)/(1 + g·δ).
+//! The texture is a grid of cubic B-spline coefficients at a spacing of 0.8 footprint sigmas; box, Gaussian and spline
+//! together have the footprint's variance, so that the layer *is* the low-passed picture, at any position.
+
+use rayon::prelude::*;
+
+use super::Error;
+
+/// Paints a layer: straight (r, g, b, alpha) in linear light at a position in pitches.
+pub type Paint<'a> = dyn Fn(f64, f64) -> [f32; 4] + Sync + 'a;
+
+/// Where a layer has anything: left, top, right, bottom in pitches.
+pub type Bounds = [f64; 4];
+
+/// A layer before it is rasterised.
+pub struct Sheet<'a> {
+    /// d0, gx, gy: disparity in pitches per sensor pixel of offset, and its slope per pitch.
+    pub disparity: [f64; 3],
+    /// Nothing is painted outside (`None`: the layer has no border).
+    pub bounds: Option<Bounds>,
+    /// The picture.
+    pub paint: Box<Paint<'a>>,
+}
+
+/// A rasterised, low-passed layer.
+#[derive(Debug, Clone)]
+pub struct Layer {
+    disparity: [f64; 3],
+    bounded: bool,
+    origin: [f64; 2],
+    per_pitch: f64,
+    columns: usize,
+    rows: usize,
+    /// Premultiplied (r, g, b, alpha).
+    texels: Vec<[f32; 4]>,
+}
+
+/// Texels of one layer at most: 512 MiB.
+const MOST_TEXELS: f64 = 32e6;
+
+impl Layer {
+    /// Rasterises `sheet` over its bounds, or over `canvas` where it has none.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] when the layer would need too many texels.
+    pub fn new(sheet: &Sheet, canvas: Bounds, footprint: f64) -> Result<Layer, Error> {
+        let texel = 0.8 * footprint;
+        let [left, top, right, bottom] = sheet.bounds.map_or(canvas, |b| {
+            // Room for the blur and for the spline's support.
+            let rim = 5.0 * footprint + 3.0 * texel;
+            [b[0].max(canvas[0]) - rim, b[1].max(canvas[1]) - rim, b[2].min(canvas[2]) + rim, b[3].min(canvas[3]) + rim]
+        });
+        let (columns, rows) =
+            (((right - left) / texel).ceil().max(4.0) + 1.0, ((bottom - top) / texel).ceil().max(4.0) + 1.0);
+        if !(columns * rows <= MOST_TEXELS) {
+            return Err(Error::Parameter(format!(
+                "a scene of {columns:.0}x{rows:.0} texels is too large; take a smaller sensor or a wider footprint"
+            )));
+        }
+        let (columns, rows) = (columns as usize, rows as usize);
+        let mut texels = vec![[0f32; 4]; columns * rows];
+        texels.par_chunks_mut(columns).enumerate().for_each(|(r, line)| {
+            for (c, texel_value) in line.iter_mut().enumerate() {
+                for (dx, dy) in [(-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)] {
+                    let (x, y) = (left + (c as f64 + dx) * texel, top + (r as f64 + dy) * texel);
+                    let outside = sheet.bounds.is_some_and(|b| x < b[0] || y < b[1] || x > b[2] || y > b[3]);
+                    if outside {
+                        continue;
+                    }
+                    let p = (sheet.paint)(x, y);
+                    for k in 0..3 {
+                        texel_value[k] += 0.25 * p[k] * p[3];
+                    }
+                    texel_value[3] += 0.25 * p[3];
+                }
+            }
+        });
+        // 1/16 texel² from the four positions, 1/3 from the spline; the Gaussian brings the rest.
+        let sigma = (0.8f64.powi(-2) - 1.0 / 3.0 - 1.0 / 16.0).sqrt();
+        blur(&mut texels, columns, rows, sigma);
+        Ok(Layer {
+            disparity: sheet.disparity,
+            bounded: sheet.bounds.is_some(),
+            origin: [left, top],
+            per_pitch: 1.0 / texel,
+            columns,
+            rows,
+            texels,
+        })
+    }
+
+    /// Disparity at position `p` of the view under offset `delta`.
+    #[inline]
+    pub fn disparity(&self, p: [f64; 2], delta: [f64; 2]) -> f64 {
+        let [d0, gx, gy] = self.disparity;
+        (d0 + gx * p[0] + gy * p[1]) / (1.0 + gx * delta[0] + gy * delta[1])
+    }
+
+    /// Premultiplied colour that position `p` sees under offset `delta`.
+    #[inline]
+    pub fn sample(&self, p: [f64; 2], delta: [f64; 2]) -> [f32; 4] {
+        let d = self.disparity(p, delta);
+        let tx = (p[0] - d * delta[0] - self.origin[0]) * self.per_pitch;
+        let ty = (p[1] - d * delta[1] - self.origin[1]) * self.per_pitch;
+        let (right, bottom) = ((self.columns - 3) as f64, (self.rows - 3) as f64);
+        if self.bounded && !(tx > 1.0 && ty > 1.0 && tx < right && ty < bottom) {
+            return [0.0; 4];
+        }
+        // max and min (not clamp) so that a NaN falls on the border.
+        let (tx, ty) = (tx.max(1.0).min(right), ty.max(1.0).min(bottom));
+        let (column, row) = (tx as usize, ty as usize);
+        let (wx, wy) = (spline((tx - column as f64) as f32), spline((ty - row as f64) as f32));
+        let mut sum = [0f32; 4];
+        for (k, wy) in wy.iter().enumerate() {
+            let start = (row - 1 + k) * self.columns + column - 1;
+            let line = &self.texels[start..start + 4];
+            let mut across = [0f32; 4];
+            for (texel, wx) in line.iter().zip(&wx) {
+                for c in 0..4 {
+                    across[c] += wx * texel[c];
+                }
+            }
+            for c in 0..4 {
+                sum[c] += wy * across[c];
+            }
+        }
+        sum
+    }
+}
+
+/// Weights of the uniform cubic B-spline at the four neighbours of fraction `f`.
+#[inline]
+fn spline(f: f32) -> [f32; 4] {
+    let (g, f2) = (1.0 - f, f * f);
+    let f3 = f2 * f;
+    [g * g * g / 6.0, (3.0 * f3 - 6.0 * f2 + 4.0) / 6.0, (3.0 * (f + f2 - f3) + 1.0) / 6.0, f3 / 6.0]
+}
+
+/// Separable Gaussian with borders repeated.
+fn blur(texels: &mut Vec<[f32; 4]>, columns: usize, rows: usize, sigma: f64) {
+    let reach = (4.0 * sigma).ceil() as usize;
+    let mut kernel: Vec<f32> =
+        (0..=2 * reach).map(|k| (-(k as f64 - reach as f64).powi(2) / (2.0 * sigma * sigma)).exp() as f32).collect();
+    let total: f32 = kernel.iter().sum();
+    kernel.iter_mut().for_each(|k| *k /= total);
+    let mut other = vec![[0f32; 4]; texels.len()];
+    other.par_chunks_mut(columns).zip(texels.par_chunks(columns)).for_each(|(to, from)| {
+        for (c, to) in to.iter_mut().enumerate() {
+            for (k, w) in kernel.iter().enumerate() {
+                let at = from[(c + k).saturating_sub(reach).min(columns - 1)];
+                for i in 0..4 {
+                    to[i] += w * at[i];
+                }
+            }
+        }
+    });
+    texels.par_chunks_mut(columns).enumerate().for_each(|(r, to)| {
+        to.fill([0.0; 4]);
+        for (k, w) in kernel.iter().enumerate() {
+            let row = (r + k).saturating_sub(reach).min(rows - 1);
+            for (to, from) in to.iter_mut().zip(&other[row * columns..]) {
+                for i in 0..4 {
+                    to[i] += w * from[i];
+                }
+            }
+        }
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CANVAS: Bounds = [-20.0, -20.0, 20.0, 20.0];
+
+    fn layer(disparity: [f64; 3], bounds: Option<Bounds>, paint: Box<Paint<'static>>) -> Layer {
+        Layer::new(&Sheet { disparity, bounds, paint }, CANVAS, 0.25).unwrap()
+    }
+
+    #[test]
+    fn the_low_pass_is_the_footprint() {
+        // A sine of frequency f leaves a Gaussian of sigma s with amplitude exp(−2π²s²f²).
+        for f in [0.1f64, 0.3, 0.5] {
+            let wave = move |x: f64, _: f64| {
+                let v = 0.5 + 0.4 * (std::f64::consts::TAU * f * x).cos() as f32;
+                [v, v, v, 1.0]
+            };
+            let layer = layer([0.0; 3], None, Box::new(wave));
+            let expected = 0.4 * (-2.0 * (std::f64::consts::PI * 0.25 * f).powi(2)).exp();
+            let (high, low) = (layer.sample([0.0, 3.3], [0.0; 2])[0], layer.sample([0.5 / f, 3.3], [0.0; 2])[0]);
+            let amplitude = f64::from(high - low) / 2.0;
+            assert!((amplitude / expected - 1.0).abs() < 0.02, "{f}: {amplitude} {expected}");
+        }
+    }
+
+    #[test]
+    fn a_point_moves_by_its_disparity_times_the_offset() {
+        let spot = |x: f64, y: f64| {
+            let v = (-((x - 4.0).powi(2) + (y + 3.0).powi(2)) / 2.0).exp() as f32;
+            [v, v, v, 1.0]
+        };
+        for disparity in [[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [-0.2, 0.01, -0.015]] {
+            let layer = layer(disparity, None, Box::new(spot));
+            let d = disparity[0] + 4.0 * disparity[1] - 3.0 * disparity[2];
+            assert!((layer.disparity([4.0, -3.0], [0.0; 2]) - d).abs() < 1e-12);
+            let still = layer.sample([4.0, -3.0], [0.0; 2])[0];
+            for delta in [[3.0, 0.0], [-2.0, 1.5]] {
+                let p = [4.0 + d * delta[0], -3.0 + d * delta[1]];
+                assert!((layer.disparity(p, delta) - d).abs() < 1e-12);
+                assert!((layer.sample(p, delta)[0] - still).abs() < 1e-5);
+                assert!(still > 0.9 && layer.sample([p[0] + 1.0, p[1]], delta)[0] < still - 0.2);
+            }
+        }
+    }
+
+    #[test]
+    fn a_bounded_layer_ends_and_never_leaves_its_range() {
+        let layer = layer([0.0; 3], Some([-3.0, -2.0, 3.0, 2.0]), Box::new(|_, _| [0.5, 0.25, 1.0, 1.0]));
+        for k in 0..400 {
+            let p = [f64::from(k % 20) * 0.5 - 5.0, f64::from(k / 20) * 0.5 - 5.0];
+            let s = layer.sample(p, [0.0; 2]);
+            assert!((0.0..=1.000_01).contains(&s[3]), "{s:?}");
+            assert!((s[0] - 0.5 * s[3]).abs() < 1e-5);
+            if p[0].abs() > 4.5 || p[1].abs() > 3.5 {
+                assert!(s[3] < 1e-4, "{p:?} {s:?}");
+            }
+            if p[0].abs() < 1.5 && p[1].abs() < 0.5 {
+                assert!(s[3] > 0.999);
+            }
+        }
+        let edge = layer.sample([3.0, 0.0], [0.0; 2])[3];
+        // The rim falls between the four positions of a texel: off by at most a quarter of one, 0.05 pitches.
+        assert!((edge - 0.5).abs() < 0.09, "{edge}");
+        assert!(layer.sample([f64::NAN, 0.0], [0.0; 2]).iter().all(|v| *v == 0.0));
+    }
+
+    #[test]
+    fn too_large_a_layer_is_refused() {
+        let sheet = Sheet { disparity: [0.0; 3], bounds: None, paint: Box::new(|_, _| [0.0; 4]) };
+        assert!(matches!(Layer::new(&sheet, [-1e5, -1e5, 1e5, 1e5], 0.25), Err(Error::Parameter(_))));
+    }
+}

@@ -1,0 +1,159 @@
+//! What the sensor records: the white pattern, the scene through it, mosaic, noise, 12 bits.
+//!
+//! white(p) = field(p) · (light ⊛ pixel ⊛ optical blur)(p), scaled so that a lenslet centre in the middle of the field is 1.
+//! scene(p) = the scene's colour averaged over the pixel's and the blur's extent (a 3×3 Gauss–Hermite rule), each position
+//! seen by its nearest lenslet at c under offset p − c and weighed with its light. Recorded is
+//! black + (white − black)·white(p)·response(colour filter)·scene(p), plus normal noise of variance K²·signal + 9K² (DN).
+
+use lenslet_core::container::{Cfa, RawMosaic};
+use lenslet_core::progress::Observer;
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use rayon::prelude::*;
+
+use super::Error;
+use super::camera::{Camera, Lenslets, normal};
+use super::scene::Scene;
+
+/// Black level of every simulated pixel (DN).
+pub const BLACK: f32 = 168.0;
+/// Saturation of every simulated pixel (DN).
+pub const WHITE: f32 = 4095.0;
+/// Colour filters, those of the F01.
+pub const CFA: Cfa = Cfa::Bggr;
+
+/// The light on every pixel under an even white scene, 1 at the brightest lenslet centres; row-major.
+pub fn white_pattern(camera: &Camera, lenslets: &Lenslets) -> Vec<f32> {
+    let (w, h) = camera.sensor;
+    let reach = (4.0 * camera.psf).ceil() as usize;
+    let kernel = gaussian(camera.psf, reach);
+    // The pixel's own extent: 3×3 positions.
+    let pixel = |x: f64, y: f64, light: &dyn Fn(f64, f64) -> f64| {
+        let mut sum = 0.0;
+        for dy in [-1.0, 0.0, 1.0] {
+            for dx in [-1.0, 0.0, 1.0] {
+                sum += light(x + dx / 3.0, y + dy / 3.0);
+            }
+        }
+        sum / 9.0
+    };
+    // The same for one lenslet alone with its centre on a pixel: what full light is.
+    let mut full = 0.0;
+    for (j, wy) in kernel.iter().enumerate() {
+        for (i, wx) in kernel.iter().enumerate() {
+            let (x, y) = (i as f64 - reach as f64, j as f64 - reach as f64);
+            full += f64::from(*wx) * f64::from(*wy) * pixel(x, y, &|x, y| camera.light(x * x + y * y));
+        }
+    }
+    let scale = (1.0 / full.max(1e-6)) as f32;
+    // Rows with a rim above and below, already blurred along x.
+    let mut across = vec![0f32; w * (h + 2 * reach)];
+    across.par_chunks_mut(w).enumerate().for_each(|(r, line)| {
+        let y = r as f64 - reach as f64;
+        let wide: Vec<f32> = (0..w + 2 * reach)
+            .map(|c| pixel(c as f64 - reach as f64, y, &|x, y| camera.light(lenslets.nearest(x, y).1)) as f32)
+            .collect();
+        for (c, value) in line.iter_mut().enumerate() {
+            *value = kernel.iter().zip(&wide[c..]).map(|(k, v)| k * v).sum();
+        }
+    });
+    let mut pattern = vec![0f32; w * h];
+    pattern.par_chunks_mut(w).enumerate().for_each(|(y, line)| {
+        for (k, weight) in kernel.iter().enumerate() {
+            for (to, from) in line.iter_mut().zip(&across[(y + k) * w..]) {
+                *to += weight * from;
+            }
+        }
+        for (x, value) in line.iter_mut().enumerate() {
+            *value *= scale * camera.field(x as f64, y as f64) as f32;
+        }
+    });
+    pattern
+}
+
+fn gaussian(sigma: f64, reach: usize) -> Vec<f32> {
+    if reach == 0 {
+        return vec![1.0];
+    }
+    let kernel: Vec<f64> =
+        (0..=2 * reach).map(|k| (-(k as f64 - reach as f64).powi(2) / (2.0 * sigma * sigma)).exp()).collect();
+    let total: f64 = kernel.iter().sum();
+    kernel.into_iter().map(|k| (k / total) as f32).collect()
+}
+
+/// Share of full scale behind every pixel of a capture of `scene`, mosaic and all, before noise; row-major.
+///
+/// # Errors
+/// [`Error::Interrupted`].
+pub fn expose(
+    camera: &Camera,
+    lenslets: &Lenslets,
+    scene: &Scene,
+    pattern: &[f32],
+    observer: &dyn Observer,
+) -> Result<Vec<f32>, Error> {
+    let (w, h) = camera.sensor;
+    let responses = camera.responses();
+    // Three-point Gauss–Hermite rule of the pixel's and the blur's variance together.
+    let reach = (3.0 * (1.0 / 12.0 + camera.psf * camera.psf)).sqrt();
+    let rule = [(-reach, 1.0 / 6.0), (0.0, 2.0 / 3.0), (reach, 1.0 / 6.0)];
+    let mut signal = pattern.to_vec();
+    observer.begin("capture", h as u64);
+    signal.par_chunks_mut(w).enumerate().for_each(|(y, line)| {
+        if observer.cancelled() {
+            return;
+        }
+        for (x, value) in line.iter_mut().enumerate() {
+            let (mut sum, mut total) = ([0f32; 3], 0f32);
+            for (dy, wy) in rule {
+                for (dx, wx) in rule {
+                    let (px, py) = (x as f64 + dx, y as f64 + dy);
+                    let (c, d2) = lenslets.nearest(px, py);
+                    let weight = (wx * wy * camera.light(d2)) as f32;
+                    let colour = scene.sample(c[0], c[1], [px - c[0], py - c[1]]);
+                    for k in 0..3 {
+                        sum[k] += weight * colour[k];
+                    }
+                    total += weight;
+                }
+            }
+            let response = responses[CFA.plane(x, y)];
+            let seen = (response[0] * sum[0] + response[1] * sum[1] + response[2] * sum[2]) / total.max(1e-6);
+            *value *= seen;
+        }
+        observer.advance(1);
+    });
+    if observer.cancelled() { Err(Error::Interrupted) } else { Ok(signal) }
+}
+
+/// Share of full scale behind every pixel of a white image.
+pub fn expose_white(camera: &Camera, pattern: &[f32]) -> Vec<f32> {
+    let w = camera.sensor.0;
+    let mut signal = pattern.to_vec();
+    signal.par_chunks_mut(w).enumerate().for_each(|(y, line)| {
+        for (x, value) in line.iter_mut().enumerate() {
+            *value *= camera.white_response[CFA.colour(x, y)] as f32;
+        }
+    });
+    signal
+}
+
+/// Shares of full scale → digital numbers, with noise of strength `noise` (0: none; 1: one electron a DN and 3 DN of read
+/// noise). The noise depends on `seed`, `frame` and the row only, not on threads.
+pub fn record(signal: &[f32], sensor: (usize, usize), noise: f64, seed: u64, frame: u32) -> RawMosaic {
+    let (w, h) = sensor;
+    let mut data = vec![0u16; w * h];
+    data.par_chunks_mut(w).zip(signal.par_chunks(w)).enumerate().for_each(|(y, (line, signal))| {
+        let mut generator = ChaCha8Rng::seed_from_u64(seed ^ 0x6e6f_6973_6521);
+        generator.set_stream((u64::from(frame) << 32) | y as u64);
+        for (to, from) in line.chunks_mut(2).zip(signal.chunks(2)) {
+            let pair = if noise > 0.0 { normal(&mut generator) } else { [0.0; 2] };
+            for ((to, from), n) in to.iter_mut().zip(from).zip(pair) {
+                let light = f64::from(from * (WHITE - BLACK));
+                let spread = noise * (light.max(0.0) + 9.0).sqrt();
+                *to = (f64::from(BLACK) + light + spread * n).round().clamp(0.0, f64::from(WHITE)) as u16;
+            }
+        }
+    });
+    RawMosaic { width: w, height: h, data }
+}
