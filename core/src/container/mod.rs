@@ -1,5 +1,26 @@
 //! Files of lenslet cameras: LFP/LFR containers, raw mosaics, metadata, camera profiles.
-//! The plain types below are what the rest of the toolkit sees of a capture.
+//!
+//! [`open`] turns any capture file into a [`Capture`]; [`segments`] and [`references`] look inside a container,
+//! [`write_lfp`] makes one. The plain types below are what the rest of the toolkit sees of a capture.
+
+mod capture;
+mod error;
+mod file;
+pub mod json;
+mod lfp;
+pub mod metadata;
+mod mosaic;
+pub mod packing;
+pub mod profile;
+mod raw;
+pub mod references;
+pub mod segments;
+mod write;
+
+pub use capture::open;
+pub use error::Error;
+pub use profile::{Profile, profile, profiles};
+pub use write::write_lfp;
 
 use serde::{Deserialize, Serialize};
 

@@ -1,0 +1,90 @@
+//! What goes wrong with capture files, by whose fault it is.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Every message names the file, what is wrong, and where it helps what to do.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// Reading failed.
+    #[error("cannot read {}: {source}", path.display())]
+    Io {
+        /// Which file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// The file is none of the kinds that can be read.
+    #[error("{}: {reason}", path.display())]
+    NotRecognised {
+        /// Which file.
+        path: PathBuf,
+        /// What was looked for.
+        reason: String,
+    },
+    /// The file starts as it should, then breaks its own format.
+    #[error("{}: {reason}", path.display())]
+    Malformed {
+        /// Which file.
+        path: PathBuf,
+        /// What is wrong, and where.
+        reason: String,
+    },
+    /// A valid file that holds nothing of the kind asked for.
+    #[error("{}: {reason}", path.display())]
+    Unsupported {
+        /// Which file.
+        path: PathBuf,
+        /// What is not supported.
+        reason: String,
+    },
+    /// Something the file names is not in it.
+    #[error("{}: {what} ({sha1}) is named by the file but is not in it{advice}", path.display())]
+    Missing {
+        /// Which file.
+        path: PathBuf,
+        /// What is missing, e.g. `imageRef`.
+        what: String,
+        /// Its reference.
+        sha1: String,
+        /// What to do, or nothing.
+        advice: String,
+    },
+    /// The file asks for more than the limits allow.
+    #[error("{}: {what} is {value}, more than the {limit} allowed", path.display())]
+    Limit {
+        /// Which file.
+        path: PathBuf,
+        /// What is too large.
+        what: String,
+        /// Its size.
+        value: u64,
+        /// The limit.
+        limit: u64,
+    },
+    /// The caller asked for something impossible.
+    #[error("{0}")]
+    Parameter(String),
+    /// A result could not be put in place.
+    #[error(transparent)]
+    Output(#[from] crate::output::Error),
+}
+
+impl Error {
+    pub(crate) fn io(path: &Path) -> impl FnOnce(io::Error) -> Error + '_ {
+        move |source| Error::Io { path: path.to_path_buf(), source }
+    }
+
+    pub(crate) fn malformed(path: &Path, reason: impl Into<String>) -> Error {
+        Error::Malformed { path: path.to_path_buf(), reason: reason.into() }
+    }
+
+    pub(crate) fn unsupported(path: &Path, reason: impl Into<String>) -> Error {
+        Error::Unsupported { path: path.to_path_buf(), reason: reason.into() }
+    }
+
+    pub(crate) fn not_recognised(path: &Path, reason: impl Into<String>) -> Error {
+        Error::NotRecognised { path: path.to_path_buf(), reason: reason.into() }
+    }
+}

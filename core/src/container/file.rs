@@ -1,0 +1,39 @@
+//! Reading files whose size nobody can be trusted on: regular files only, at most so many bytes.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use super::Error;
+
+/// Opens a regular file (never a pipe or device, whose reading may not end) and says how long it is.
+pub(super) fn open(path: &Path) -> Result<(File, u64), Error> {
+    let meta = std::fs::metadata(path).map_err(Error::io(path))?;
+    if meta.is_dir() {
+        return Err(Error::not_recognised(path, "this is a folder, a file is needed"));
+    }
+    if !meta.is_file() {
+        return Err(Error::not_recognised(path, "not a regular file"));
+    }
+    Ok((File::open(path).map_err(Error::io(path))?, meta.len()))
+}
+
+/// Reads the whole file.
+pub(super) fn read(path: &Path, what: &str, limit: u64) -> Result<Vec<u8>, Error> {
+    let (file, length) = open(path)?;
+    let mut bytes = Vec::with_capacity(length.min(limit) as usize);
+    file.take(limit + 1).read_to_end(&mut bytes).map_err(Error::io(path))?;
+    if bytes.len() as u64 > limit {
+        let value = length.max(bytes.len() as u64);
+        return Err(Error::Limit { path: path.into(), what: format!("the length in bytes of {what}"), value, limit });
+    }
+    Ok(bytes)
+}
+
+/// The first bytes of a file, at most `n`.
+pub(super) fn head(path: &Path, n: u64) -> Result<Vec<u8>, Error> {
+    let (file, _) = open(path)?;
+    let mut bytes = Vec::new();
+    file.take(n).read_to_end(&mut bytes).map_err(Error::io(path))?;
+    Ok(bytes)
+}

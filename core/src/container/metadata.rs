@@ -1,0 +1,280 @@
+//! Frame metadata JSON into typed facts: F01 captures, Illum captures, the .TXT beside white images.
+//!
+//! Keys differ between cameras and programs; each fact is looked for in every place it is known to be written.
+//! Facts that are absent stay `None`; facts that make no sense are dropped, with a warning.
+
+use serde_json::Value;
+
+use super::json::{at, integer, number, text};
+use super::packing::Packing;
+use super::profile::{MAX_SIDE, ccm_ok, gains_ok, gamma_ok, levels_ok, mla_ok};
+use super::references::is_sha1;
+use super::{CameraFacts, Cfa, ColourFacts, Levels, MlaHint};
+
+/// What metadata says of a frame.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Frame {
+    /// Width and height in pixels.
+    pub size: Option<(usize, usize)>,
+    /// How the pixels are packed.
+    pub packing: Option<Packing>,
+    /// Colour filter array.
+    pub cfa: Option<Cfa>,
+    /// Black and white levels.
+    pub levels: Option<Levels>,
+    /// White balance gains of R, Gr, Gb, B.
+    pub white_balance: Option<[f32; 4]>,
+    /// Camera RGB to linear sRGB, row-major.
+    pub ccm: Option<[f32; 9]>,
+    /// Encoding exponent.
+    pub gamma: Option<f32>,
+    /// Camera facts.
+    pub camera: CameraFacts,
+    /// Micro-lens array.
+    pub mla: Option<MlaHint>,
+    /// Pixel pitch in metres.
+    pub pixel_pitch: Option<f64>,
+    /// Whether the frame is tagged as a white image (`modulationFrame`).
+    pub is_white: Option<bool>,
+    /// Whether the frame is tagged as a dark image (`darkFrame`).
+    pub is_dark: Option<bool>,
+}
+
+/// The frame inside a `master.picture` document (white images), or the document itself.
+fn frame_nodes(root: &Value) -> (&Value, &Value, Option<&Value>) {
+    let image = |v: &Value| at(v, "image.width").is_some() || at(v, "image.color").is_some();
+    if image(root) {
+        return (root, root, None);
+    }
+    for prefix in ["master.picture.frameArray.0", "picture.frameArray.0", "frames.0"] {
+        if let Some(entry) = at(root, prefix)
+            && let Some(frame) = entry.get("frame")
+        {
+            let metadata = frame.get("metadata").unwrap_or(frame);
+            return (metadata, frame.get("privateMetadata").unwrap_or(root), Some(entry));
+        }
+    }
+    (root, root, None)
+}
+
+/// Reads frame metadata; `private` is the document with the serial number, where that is another.
+/// Returns the facts and one line for each that made no sense.
+pub fn frame(root: &Value, private: Option<&Value>) -> (Frame, Vec<String>) {
+    let (m, own_private, entry) = frame_nodes(root);
+    let mut warnings = Vec::new();
+    let mut drop = |what: &str, found: &dyn std::fmt::Debug| {
+        warnings.push(format!("metadata: {what} makes no sense ({found:?}) and was ignored"))
+    };
+
+    let size = match (integer(m, "image.width"), integer(m, "image.height")) {
+        (Some(w), Some(h)) if (1..=MAX_SIDE as i64).contains(&w) && (1..=MAX_SIDE as i64).contains(&h) => {
+            Some((w as usize, h as usize))
+        }
+        (None, None) => None,
+        found => {
+            drop("the image size", &found);
+            None
+        }
+    };
+    let image = |key: &str| at(m, &format!("image.rawDetails.{key}")).or_else(|| at(m, &format!("image.{key}")));
+    let packing = image("pixelPacking").or_else(|| image("rawDetails.pixelPacking")).and_then(|p| {
+        let big = p.get("endianness").and_then(Value::as_str).is_some_and(|e| e.eq_ignore_ascii_case("big"));
+        let bits = integer(p, "bitsPerPixel")?;
+        let packing = u32::try_from(bits).ok().and_then(|bits| Packing::new(bits, big));
+        if packing.is_none() {
+            drop("the pixel packing", &(bits, if big { "big" } else { "little" }));
+        }
+        packing
+    });
+    let mosaic = image("mosaic").or_else(|| at(m, "devices.sensor.mosaic"));
+    let cfa = mosaic.and_then(|m| {
+        let cfa = cfa(m);
+        if cfa.is_none() {
+            drop("the colour filter array", m);
+        }
+        cfa
+    });
+    let levels = image("pixelFormat").and_then(|f| {
+        let levels = Levels { black: four(f, "black")?, white: four(f, "white")? };
+        levels_ok(&levels).then_some(levels).or_else(|| {
+            drop("the black or white level", f);
+            None
+        })
+    });
+    let gains = four(m, "image.color.whiteBalanceGain").or_else(|| four(m, "algorithms.awb.computed.gain"));
+    let ccm = ["image.color.ccmRgbToSrgbArray", "image.color.ccm"].iter().find_map(|p| nine(at(m, p)?));
+    let gamma = number(m, "image.color.gamma").map(|g| g as f32);
+    let mut keep = |what: &str, ok: bool, found: &dyn std::fmt::Debug| {
+        if !ok {
+            drop(what, found);
+        }
+        ok
+    };
+    let gains = gains.filter(|g| keep("the white balance", gains_ok(g), g));
+    let ccm = ccm.filter(|c| keep("the colour matrix", ccm_ok(c), c));
+    let gamma = gamma.filter(|g| keep("the gamma", gamma_ok(*g), g));
+
+    let positive = |path: &str| number(m, path).filter(|x| *x > 0.0);
+    let pixel_pitch = positive("devices.sensor.pixelPitch");
+    let mla = positive("devices.mla.lensPitch").zip(pixel_pitch).and_then(|(lens, pixel)| {
+        let hint = MlaHint {
+            pitch: lens / pixel,
+            rotation: number(m, "devices.mla.rotation").unwrap_or(0.0),
+            row_stretch: number(m, "devices.mla.scaleFactor.y").unwrap_or(1.0),
+        };
+        mla_ok(&hint).then_some(hint).or_else(|| {
+            drop("the lenslet pitch", &(lens, pixel));
+            None
+        })
+    });
+
+    let privates = [private, Some(own_private), Some(m), Some(root)];
+    let first = |path: &str| privates.iter().flatten().find_map(|v| text(v, path));
+    let tags = entry
+        .and_then(|e| e.get("parameters"))
+        .and_then(|p| at(p, "vendorContent"))
+        .and_then(|v| v.get("com.lytro.tags"));
+    let tag = |key: &str| tags.and_then(|t| t.get(key)).and_then(Value::as_bool);
+    let response = four(m, "devices.sensor.normalizedResponses.0").filter(|r| r.iter().all(|x| *x > 0.0 && *x < 100.0));
+    let camera = CameraFacts {
+        make: text(m, "camera.make"),
+        model: text(m, "camera.model").or_else(|| text(root, "cameraModel")),
+        serial: first("camera.serialNumber"),
+        zoom_step: integer(m, "devices.lens.zoomStep").or_else(|| integer(m, "zoomStep")),
+        focus_step: integer(m, "devices.lens.focusStep").or_else(|| integer(m, "focusStep")),
+        iso: positive("devices.sensor.iso").or_else(|| positive("image.iso")),
+        exposure_seconds: positive("devices.shutter.pixelExposureDuration")
+            .or_else(|| positive("devices.shutter.frameExposureDuration")),
+        exposure_bias: number(m, "image.modulationExposureBias").filter(|b| b.abs() < 100.0),
+        normalized_response: response,
+        white_ref: white_ref(root),
+    };
+    let frame = Frame {
+        size,
+        packing,
+        cfa,
+        levels,
+        white_balance: gains,
+        ccm,
+        gamma,
+        camera,
+        mla,
+        pixel_pitch,
+        is_white: tag("modulationFrame"),
+        is_dark: tag("darkFrame"),
+    };
+    (frame, warnings)
+}
+
+/// The white image a picture document names: Illum by `geometryCorrectionRef`, F01 by the first ancestor.
+pub fn white_ref(root: &Value) -> Option<String> {
+    [
+        "frames.0.frame.geometryCorrectionRef",
+        "picture.frameArray.0.frame.geometryCorrectionRef",
+        "picture.derivationArray.0",
+        "master.picture.derivationArray.0",
+    ]
+    .iter()
+    .filter_map(|p| text(root, p))
+    .map(|s| s.to_ascii_lowercase())
+    .find(|s| is_sha1(s) && s.bytes().skip(5).any(|b| b != b'0'))
+}
+
+fn cfa(mosaic: &Value) -> Option<Cfa> {
+    let tile = mosaic.get("tile").and_then(Value::as_str).unwrap_or("r,gr:gb,b");
+    if tile.eq_ignore_ascii_case("monochrome") {
+        return Some(Cfa::Mono);
+    }
+    if !tile.eq_ignore_ascii_case("r,gr:gb,b") {
+        return None;
+    }
+    match mosaic.get("upperLeftPixel")?.as_str()? {
+        "r" => Some(Cfa::Rggb),
+        "b" => Some(Cfa::Bggr),
+        "gr" => Some(Cfa::Grbg),
+        "gb" => Some(Cfa::Gbrg),
+        _ => None,
+    }
+}
+
+/// The numbers `r`, `gr`, `gb`, `b` of the object at `path`.
+fn four(value: &Value, path: &str) -> Option<[f32; 4]> {
+    let node = at(value, path)?;
+    let n = |key| number(node, key).map(|x| x as f32).filter(|x| x.is_finite());
+    Some([n("r")?, n("gr")?, n("gb")?, n("b")?])
+}
+
+fn nine(value: &Value) -> Option<[f32; 9]> {
+    let items: Vec<f32> = value.as_array()?.iter().filter_map(Value::as_f64).map(|x| x as f32).collect();
+    <[f32; 9]>::try_from(items).ok()
+}
+
+impl Frame {
+    /// Colour facts, the gaps filled from `fallback`.
+    pub fn colour(&self, fallback: &ColourFacts) -> ColourFacts {
+        ColourFacts {
+            white_balance: self.white_balance.unwrap_or(fallback.white_balance),
+            ccm: self.ccm.unwrap_or(fallback.ccm),
+            gamma: self.gamma.or(fallback.gamma),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn levels(v: f64) -> Value {
+        json!({"r": v, "gr": v, "gb": v, "b": v})
+    }
+
+    #[test]
+    fn f01_style() {
+        let m = json!({
+            "image": {"width": 3280, "height": 3280.0,
+                "rawDetails": {"pixelFormat": {"black": levels(168.0), "white": levels(4095.0)},
+                    "pixelPacking": {"endianness": "big", "bitsPerPixel": 12},
+                    "mosaic": {"tile": "r,gr:gb,b", "upperLeftPixel": "b"}},
+                "color": {"ccmRgbToSrgbArray": [1,0,0,0,1,0,0,0,1], "gamma": 0.41666, "whiteBalanceGain": {"r": 1, "gr": 1.25, "gb": 1.25, "b": 1.75}},
+                "modulationExposureBias": -1.125},
+            "devices": {"sensor": {"iso": 200, "pixelPitch": 1.4e-6}, "lens": {"zoomStep": 981, "focusStep": 582},
+                "shutter": {"pixelExposureDuration": 0.004},
+                "mla": {"lensPitch": 1.4e-5, "rotation": 0.0019, "scaleFactor": {"x": 1, "y": 1.0005}}},
+            "camera": {"make": "Lytro, Inc.", "model": "F01"}});
+        let (f, warnings) = frame(&m, Some(&json!({"camera": {"serialNumber": "A1"}})));
+        assert_eq!(warnings, Vec::<String>::new());
+        assert_eq!(f.size, Some((3280, 3280)));
+        assert_eq!(f.packing, Some(Packing::Be12));
+        assert_eq!(f.cfa, Some(Cfa::Bggr));
+        assert_eq!(f.white_balance, Some([1.0, 1.25, 1.25, 1.75]));
+        assert_eq!(f.camera.serial.as_deref(), Some("A1"));
+        assert_eq!((f.camera.zoom_step, f.camera.focus_step), (Some(981), Some(582)));
+        assert!((f.mla.unwrap().pitch - 10.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn nonsense_is_dropped_with_a_word() {
+        let m = json!({
+            "image": {"width": 1e18, "height": 5,
+                "pixelFormat": {"black": levels(900.0), "white": levels(100.0)},
+                "pixelPacking": {"endianness": "big", "bitsPerPixel": 13},
+                "mosaic": {"tile": "x-trans", "upperLeftPixel": "b"},
+                "color": {"ccm": [1e30,0,0,0,1,0,0,0,1], "gamma": -3, "whiteBalanceGain": levels(-1.0)}},
+            "devices": {"sensor": {"pixelPitch": 1.4e-6}, "mla": {"lensPitch": 1e9}}});
+        let (f, warnings) = frame(&m, None);
+        assert_eq!(f, Frame::default());
+        assert_eq!(warnings.len(), 8, "{warnings:#?}");
+    }
+
+    #[test]
+    fn white_images_are_named_by_reference() {
+        let a = format!("sha1-{}", "A".repeat(40));
+        let zero = format!("sha1-{}", "0".repeat(40));
+        assert_eq!(white_ref(&json!({"picture": {"derivationArray": [zero]}})), None);
+        assert_eq!(white_ref(&json!({"picture": {"derivationArray": [a]}})), Some(a.to_lowercase()));
+        let b = format!("sha1-{}", "b".repeat(40));
+        let v = json!({"picture": {"derivationArray": [a]}, "frames": [{"frame": {"geometryCorrectionRef": b}}]});
+        assert_eq!(white_ref(&v), Some(b));
+    }
+}

@@ -1,0 +1,126 @@
+//! Raw mosaics given as pictures: PNG, TIFF, JPEG or PGM of one channel, 8 or 16 bit.
+//!
+//! The values decide what they are: up to the camera's white level they are digital numbers as read from the sensor;
+//! above it, and in 8-bit pictures, the full range of the picture stands for 0 to the camera's white level.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use image::{DynamicImage, ImageFormat, ImageReader, Limits};
+
+use super::capture::{assemble, sha256_of, size_warning};
+use super::profile::{self, MAX_SIDE, Profile};
+use super::{Capture, Error, RawMosaic, raw};
+
+/// Longest picture file read.
+pub(super) const MAX_FILE: u64 = 1 << 30;
+/// Largest decoded picture: 512 MiB, three times an Illum's as 16-bit colour.
+const MAX_DECODED: u64 = 512 << 20;
+
+/// Whether these first bytes are those of a picture that can be decoded.
+pub(super) fn is_picture(head: &[u8]) -> bool {
+    matches!(image::guess_format(head), Ok(ImageFormat::Png | ImageFormat::Tiff | ImageFormat::Jpeg | ImageFormat::Pnm))
+}
+
+/// Reads a mosaic from the bytes of a picture file. A .txt or .json of the same name beside it adds the camera's metadata.
+pub(super) fn capture(path: &Path, bytes: &[u8], profile: Option<&Profile>) -> Result<Capture, Error> {
+    let (pixels, bits) = decode(path, bytes)?;
+    let mut warnings = Vec::new();
+    let facts = raw::sidecar(path, &mut warnings).filter(|f| f.size.is_none_or(|s| s == (pixels.width, pixels.height)));
+    let guessed = facts.as_ref().and_then(|f| f.camera.model.as_deref()).and_then(super::capture::profile_of_model);
+    let mut hint = true;
+    let profile = match (profile, guessed) {
+        (Some(p), _) => {
+            warnings.extend(size_warning(pixels.width, pixels.height, p));
+            p.clone()
+        }
+        (None, Some(p)) => p,
+        (None, None) => {
+            // A camera recognised by nothing but its size says nothing certain of the lenslets before it.
+            hint = false;
+            by_size(pixels.width, pixels.height, &mut warnings)?
+        }
+    };
+    let mut facts = facts.unwrap_or_default();
+    let levels = facts.levels.take().unwrap_or_else(|| profile.levels());
+    let max = pixels.data.iter().copied().max().unwrap_or(0);
+    let camera_white = levels.white.iter().copied().fold(0.0, f32::max);
+    let full = if bits == 8 { 255.0 } else { 65535.0 };
+    let scale = if bits == 16 && f32::from(max) <= camera_white { 1.0 } else { full / camera_white };
+    let mut scaled = levels;
+    if scale != 1.0 {
+        scaled.black = scaled.black.map(|v| v * scale);
+        scaled.white = scaled.white.map(|v| v * scale);
+        warnings.push(format!(
+            "{bits}-bit mosaic with values up to {max}: taken as digital numbers x {scale:.5}, so black is {:.2} and white {:.0}",
+            scaled.black[1], scaled.white[1]
+        ));
+    } else {
+        warnings.push(format!(
+            "16-bit mosaic with values up to {max}: taken as digital numbers (white level {camera_white:.0})"
+        ));
+    }
+    facts.levels = Some(scaled);
+    let mut capture = assemble(pixels, facts, Some(&profile), sha256_of(bytes), warnings);
+    if !hint {
+        capture.mla = None;
+    }
+    Ok(capture)
+}
+
+/// The camera of this size; for other sizes the F01's facts, with a warning.
+fn by_size(width: usize, height: usize, warnings: &mut Vec<String>) -> Result<Profile, Error> {
+    let known = profile::profiles();
+    if let Some(p) = known.iter().find(|p| (p.sensor.width, p.sensor.height) == (width, height)) {
+        return Ok(p.clone());
+    }
+    let first = known.into_iter().next().ok_or_else(|| Error::Parameter("no camera profiles".into()))?;
+    warnings.push(format!(
+        "{width}x{height} pixels fit no known camera: levels, colour and filter array are taken from {}; name another with --profile",
+        first.name
+    ));
+    Ok(first)
+}
+
+/// Pixels and bits a sample.
+fn decode(path: &Path, bytes: &[u8]) -> Result<(RawMosaic, u32), Error> {
+    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(Error::io(path))?;
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(MAX_SIDE as u32);
+    limits.max_image_height = Some(MAX_SIDE as u32);
+    limits.max_alloc = Some(MAX_DECODED);
+    reader.limits(limits);
+    let picture = reader.decode().map_err(|e| Error::malformed(path, format!("the picture cannot be decoded: {e}")))?;
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    if width < 16 || height < 16 {
+        return Err(Error::unsupported(path, format!("{width}x{height} pixels are too few for a raw mosaic")));
+    }
+    let colour = || {
+        Error::unsupported(
+            path,
+            "a colour picture, not a raw mosaic: its red, green and blue differ; a mosaic has one value a pixel, as the sensor gave it",
+        )
+    };
+    let wide = |v: Vec<u8>| v.into_iter().map(u16::from).collect::<Vec<u16>>();
+    fn first<T: Copy + PartialEq>(samples: Vec<T>, channels: usize, used: usize) -> Option<Vec<T>> {
+        let grey = samples.chunks_exact(channels).all(|p| p[1..used].iter().all(|v| *v == p[0]));
+        grey.then(|| samples.chunks_exact(channels).map(|p| p[0]).collect())
+    }
+    let (data, bits) = match picture {
+        DynamicImage::ImageLuma8(i) => (wide(i.into_raw()), 8),
+        DynamicImage::ImageLuma16(i) => (i.into_raw(), 16),
+        DynamicImage::ImageLumaA8(i) => (wide(first(i.into_raw(), 2, 1).ok_or_else(colour)?), 8),
+        DynamicImage::ImageLumaA16(i) => (first(i.into_raw(), 2, 1).ok_or_else(colour)?, 16),
+        DynamicImage::ImageRgb8(i) => (wide(first(i.into_raw(), 3, 3).ok_or_else(colour)?), 8),
+        DynamicImage::ImageRgb16(i) => (first(i.into_raw(), 3, 3).ok_or_else(colour)?, 16),
+        DynamicImage::ImageRgba8(i) => (wide(first(i.into_raw(), 4, 3).ok_or_else(colour)?), 8),
+        DynamicImage::ImageRgba16(i) => (first(i.into_raw(), 4, 3).ok_or_else(colour)?, 16),
+        other => {
+            return Err(Error::unsupported(
+                path,
+                format!("a picture of {:?} samples; mosaics have 8 or 16 bit whole numbers", other.color()),
+            ));
+        }
+    };
+    Ok((RawMosaic { width, height, data }, bits))
+}

@@ -1,0 +1,197 @@
+//! Captures into containers: the F01's layout (contents first) or, for captures that carry a white image, the Illum's.
+
+use std::io::Write;
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::packing::{Packing, pack};
+use super::segments::{HEADER, MAGIC, sha1_of};
+use super::{Capture, Cfa, Error, references};
+use crate::output::Pending;
+
+/// Pixel pitch written where a lenslet pitch must become metres; both are divided again on reading.
+const PIXEL_PITCH: f64 = 1.4e-6;
+
+/// Writes a capture as a container. Pixels are packed as the white level allows: 10 bit (up to 1023), 12 bit (up to
+/// 4095), else 16 bit. Reading it again gives the same capture, but for `source_sha256` and `warnings`.
+///
+/// # Errors
+/// When a pixel is above what the white level's packing holds, the sizes disagree, or the file cannot be put in place.
+pub fn write_lfp(path: &Path, capture: &Capture, force: bool) -> Result<(), Error> {
+    let segments = segments(capture)?;
+    let pending = Pending::file(path, force)?;
+    let write = || -> std::io::Result<()> {
+        let mut out = std::fs::File::create(pending.path())?;
+        out.write_all(&MAGIC)?;
+        out.write_all(&[0, 0, 0, 1, 0, 0, 0, 0])?;
+        for (letter, payload) in &segments {
+            let length =
+                u32::try_from(payload.len()).map_err(|_| std::io::Error::other("a segment is longer than 4 GiB"))?;
+            let mut header = Vec::with_capacity(HEADER as usize);
+            header.extend([MAGIC[0], b'L', b'F', *letter, b'\r', b'\n', 0x1a, b'\n', 0, 0, 0, 0]);
+            header.extend(length.to_be_bytes());
+            header.extend(sha1_of(payload).bytes());
+            header.resize(HEADER as usize, 0);
+            out.write_all(&header)?;
+            out.write_all(payload)?;
+            let padding = payload.len().next_multiple_of(16) - payload.len();
+            out.write_all(&[0; 16][..padding])?;
+        }
+        out.sync_all()
+    };
+    write().map_err(|source| Error::Io { path: path.to_path_buf(), source })?;
+    Ok(pending.commit()?)
+}
+
+/// Letter and payload of each segment, in file order.
+fn segments(capture: &Capture) -> Result<Vec<(u8, Vec<u8>)>, Error> {
+    let image = packed(capture)?;
+    let metadata = text(&metadata(capture, image.0));
+    let private = text(&private(capture));
+    let reference = |bytes: &[u8]| Value::from(sha1_of(bytes));
+    let ancestors = match &capture.camera.white_ref {
+        Some(r) if references::is_sha1(r) => json!([r]),
+        _ => json!([]),
+    };
+    let mut frame = json!({
+        "metadataRef": reference(&metadata),
+        "privateMetadataRef": reference(&private),
+        "imageRef": reference(&image.1),
+    });
+    let Some(white) = &capture.white else {
+        let contents = json!({
+            "picture": {
+                "frameArray": [{
+                    "frame": frame,
+                    "parameters": {"vendorContent": {"com.lytro.tags": {"darkFrame": false, "modulationFrame": false}}},
+                }],
+                "viewArray": [],
+                "accelerationArray": [],
+                "derivationArray": ancestors,
+            },
+            "thumbnailArray": [],
+            "version": {"major": 1, "minor": 0, "provisionalDate": "2011-08-03"},
+        });
+        return Ok(vec![(b'M', text(&contents)), (b'C', metadata), (b'C', image.1), (b'C', private)]);
+    };
+    let white_image = packed(white)?;
+    let white_metadata = text(&json!({"master": {"picture": {"frameArray": [{
+        "frame": {"metadata": self::metadata(white, white_image.0), "privateMetadata": self::private(white)},
+        "parameters": {"vendorContent": {"com.lytro.tags": {"darkFrame": false, "modulationFrame": true}}},
+    }]}}}));
+    frame["modulationDataRef"] = reference(&white_image.1);
+    frame["modulationDataMetadataRef"] = reference(&white_metadata);
+    if let Some(r) = capture.camera.white_ref.as_ref().filter(|r| references::is_sha1(r)) {
+        frame["geometryCorrectionRef"] = Value::from(r.as_str());
+    }
+    let contents = json!({"frames": [{"frame": frame}], "derivations": ancestors, "views": [], "thumbnails": []});
+    Ok(vec![
+        (b'C', metadata),
+        (b'C', private),
+        (b'C', image.1),
+        (b'C', white_metadata),
+        (b'C', white_image.1),
+        (b'M', text(&contents)),
+    ])
+}
+
+fn text(value: &Value) -> Vec<u8> {
+    // Writing a `Value` to memory cannot fail; were it to, an empty segment would show it.
+    serde_json::to_vec_pretty(value).unwrap_or_default()
+}
+
+fn packed(capture: &Capture) -> Result<(Packing, Vec<u8>), Error> {
+    let (m, white) = (&capture.mosaic, capture.levels.white.iter().copied().fold(0.0, f32::max));
+    let packing = if white <= 1023.0 {
+        Packing::Le10
+    } else if white <= 4095.0 {
+        Packing::Be12
+    } else {
+        Packing::Le16
+    };
+    if m.data.len() != m.width * m.height {
+        return Err(Error::Parameter(format!("{} pixels are not {}x{}", m.data.len(), m.width, m.height)));
+    }
+    let bytes = pack(packing, &m.data).ok_or_else(|| {
+        Error::Parameter(format!("a pixel is above {}, the most that {} bit hold", packing.max(), packing.bits()))
+    })?;
+    Ok((packing, bytes))
+}
+
+fn four(v: [f32; 4]) -> Value {
+    json!({"r": v[0], "gr": v[1], "gb": v[2], "b": v[3]})
+}
+
+fn private(capture: &Capture) -> Value {
+    match &capture.camera.serial {
+        Some(serial) => json!({"camera": {"serialNumber": serial}}),
+        None => json!({"camera": {}}),
+    }
+}
+
+fn metadata(capture: &Capture, packing: Packing) -> Value {
+    let (camera, colour) = (&capture.camera, &capture.colour);
+    let mosaic = match capture.cfa {
+        Cfa::Mono => json!({"tile": "monochrome", "upperLeftPixel": "gr"}),
+        cfa => json!({"tile": "r,gr:gb,b", "upperLeftPixel": match cfa {
+            Cfa::Rggb => "r",
+            Cfa::Grbg => "gr",
+            Cfa::Gbrg => "gb",
+            _ => "b",
+        }}),
+    };
+    let mut value = json!({
+        "type": "lightField",
+        "image": {
+            "width": capture.mosaic.width,
+            "height": capture.mosaic.height,
+            "orientation": 1,
+            "representation": "rawPacked",
+            "rawDetails": {
+                "pixelFormat": {"rightShift": 0, "black": four(capture.levels.black), "white": four(capture.levels.white)},
+                "pixelPacking": {"endianness": packing.endianness(), "bitsPerPixel": packing.bits()},
+                "mosaic": mosaic.clone(),
+            },
+            "color": {"ccmRgbToSrgbArray": colour.ccm, "applied": {}, "whiteBalanceGain": four(colour.white_balance)},
+        },
+        "devices": {"sensor": {"bitsPerPixel": packing.bits(), "mosaic": mosaic, "pixelPitch": PIXEL_PITCH}, "lens": {}, "shutter": {}},
+        "camera": {},
+    });
+    let mut set = |pointer: &str, key: &str, v: Option<Value>| {
+        if let (Some(v), Some(node)) = (v, value.pointer_mut(pointer)) {
+            node[key] = v;
+        }
+    };
+    set("/image/color", "gamma", colour.gamma.map(Value::from));
+    set("/image", "modulationExposureBias", camera.exposure_bias.map(Value::from));
+    set("/devices/sensor", "iso", camera.iso.map(Value::from));
+    set(
+        "/devices/sensor",
+        "normalizedResponses",
+        camera.normalized_response.map(|r| {
+            let mut response = four(r);
+            response["cct"] = json!(5100);
+            json!([response])
+        }),
+    );
+    set("/devices/lens", "zoomStep", camera.zoom_step.map(Value::from));
+    set("/devices/lens", "focusStep", camera.focus_step.map(Value::from));
+    set("/devices/shutter", "pixelExposureDuration", camera.exposure_seconds.map(Value::from));
+    set(
+        "/devices",
+        "mla",
+        capture.mla.as_ref().map(|m| {
+            json!({
+                "tiling": "hexUniformRowMajor",
+                "lensPitch": m.pitch * PIXEL_PITCH,
+                "rotation": m.rotation,
+                "scaleFactor": {"x": 1, "y": m.row_stretch},
+                "defectArray": [],
+            })
+        }),
+    );
+    set("/camera", "make", camera.make.clone().map(Value::from));
+    set("/camera", "model", camera.model.clone().map(Value::from));
+    value
+}
