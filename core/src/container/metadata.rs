@@ -166,13 +166,14 @@ pub fn frame(root: &Value, private: Option<&Value>) -> (Frame, Vec<String>) {
     (frame, warnings)
 }
 
-/// The white image a picture document names: Illum by `geometryCorrectionRef`, F01 by the first ancestor.
+/// The white image a picture document names: Illum by `geometryCorrectionRef`, else the first ancestor.
 pub fn white_ref(root: &Value) -> Option<String> {
     [
         "frames.0.frame.geometryCorrectionRef",
         "picture.frameArray.0.frame.geometryCorrectionRef",
         "picture.derivationArray.0",
         "master.picture.derivationArray.0",
+        "derivations.0",
     ]
     .iter()
     .filter_map(|p| text(root, p))
@@ -263,7 +264,7 @@ mod tests {
                 "color": {"ccm": [1e30,0,0,0,1,0,0,0,1], "gamma": -3, "whiteBalanceGain": levels(-1.0)}},
             "devices": {"sensor": {"pixelPitch": 1.4e-6}, "mla": {"lensPitch": 1e9}}});
         let (f, warnings) = frame(&m, None);
-        assert_eq!(f, Frame::default());
+        assert_eq!(f, Frame { pixel_pitch: Some(1.4e-6), ..Frame::default() });
         assert_eq!(warnings.len(), 8, "{warnings:#?}");
     }
 

@@ -82,9 +82,6 @@ fn segments(capture: &Capture) -> Result<Vec<(u8, Vec<u8>)>, Error> {
     }]}}}));
     frame["modulationDataRef"] = reference(&white_image.1);
     frame["modulationDataMetadataRef"] = reference(&white_metadata);
-    if let Some(r) = capture.camera.white_ref.as_ref().filter(|r| references::is_sha1(r)) {
-        frame["geometryCorrectionRef"] = Value::from(r.as_str());
-    }
     let contents = json!({"frames": [{"frame": frame}], "derivations": ancestors, "views": [], "thumbnails": []});
     Ok(vec![
         (b'C', metadata),
