@@ -100,6 +100,12 @@ pub struct Vignetting {
 pub struct Quality {
     /// RMS distance of measured centres from the lattice, pixels.
     pub residual_rms: f64,
+    /// Scatter of the lenslets themselves about the lattice, an axis, pixels (measurement noise taken off).
+    #[serde(default)]
+    pub scatter: f64,
+    /// Typical standard deviation of one measured centre, an axis, pixels.
+    #[serde(default)]
+    pub noise: f64,
     /// Share of lenslets whose measurement was rejected.
     pub rejected: f64,
     /// 0 to 1: how far the pattern's frequency peak stands above the rest, times the share accepted.

@@ -1,0 +1,129 @@
+//! Algorithm 1, "compute average white images": the mean of several captures beats down the sensor's noise.
+//! Values become light above the black level as a share of full scale.
+
+use rayon::prelude::*;
+
+use super::{Error, Plane};
+use crate::container::Capture;
+
+/// Smallest side of an image worth looking at, pixels.
+const SMALLEST: usize = 64;
+/// Share of saturated pixels above which nothing is left to measure.
+const MOST_SATURATED: f64 = 0.5;
+/// Mean light, as a share of full scale, under which a capture is called black.
+const LEAST_LIGHT: f64 = 0.004;
+
+/// Averages captures of one camera: `(DN − black) / (white − black)`, each colour with its own levels. `encode` is applied to
+/// each value before averaging (the paper's gamma; the default way keeps light linear and passes the identity).
+/// A pixel saturated in any capture is saturated in the average.
+///
+/// # Errors
+/// No captures, sizes or cameras that differ, images too small, black or saturated ones.
+pub fn average(captures: &[Capture], encode: impl Fn(f32) -> f32 + Sync) -> Result<Plane, Error> {
+    check(captures)?;
+    let first = &captures[0].mosaic;
+    let (width, height) = (first.width, first.height);
+    let mut data = vec![0f32; width * height];
+    let share = 1.0 / captures.len() as f32;
+    let full = encode(1.0);
+    let mut saturated = 0u64;
+    for capture in captures {
+        let tables = tables(capture, &encode);
+        let counts: Vec<u64> = data
+            .par_chunks_mut(width)
+            .zip(capture.mosaic.data.par_chunks(width))
+            .enumerate()
+            .map(|(y, (out, row))| {
+                let pair = [&tables[(y & 1) * 2], &tables[(y & 1) * 2 + 1]];
+                let mut count = 0;
+                for (x, (out, &dn)) in out.iter_mut().zip(row).enumerate() {
+                    let table = pair[x & 1];
+                    let v = table.values.get(usize::from(dn)).copied().unwrap_or(f32::INFINITY);
+                    count += u64::from(v.is_infinite());
+                    *out += v * share;
+                }
+                count
+            })
+            .collect();
+        saturated += counts.iter().sum::<u64>();
+    }
+    let percent = 100.0 * saturated as f64 / (data.len() * captures.len()) as f64;
+    if percent > 100.0 * MOST_SATURATED {
+        return Err(Error::Saturated { percent });
+    }
+    let sums: Vec<f64> = data
+        .par_chunks_mut(width)
+        .map(|row| {
+            let mut sum = 0f64;
+            for v in row.iter_mut() {
+                if v.is_infinite() {
+                    *v = full;
+                }
+                sum += f64::from(*v);
+            }
+            sum
+        })
+        .collect();
+    let mean = sums.iter().sum::<f64>() / data.len() as f64;
+    if mean < f64::from(encode(LEAST_LIGHT as f32)) {
+        return Err(Error::Black { percent: 100.0 * mean });
+    }
+    Ok(Plane { width, height, data, limit: [full; 4] })
+}
+
+/// Light of each digital number at one place of the 2×2 tile; infinite from the white level on.
+struct Table {
+    values: Vec<f32>,
+}
+
+fn tables(capture: &Capture, encode: &impl Fn(f32) -> f32) -> [Table; 4] {
+    [0, 1, 2, 3].map(|k| {
+        let plane = capture.cfa.plane(k & 1, k >> 1);
+        let (black, white) = (capture.levels.black[plane], capture.levels.white[plane]);
+        let scale = 1.0 / (white - black);
+        let top = white.clamp(1.0, 65535.0) as usize;
+        let values = (0..=top)
+            .map(|dn| {
+                let dn = dn as f32;
+                if dn >= white { f32::INFINITY } else { encode(((dn - black) * scale).max(-0.1)) }
+            })
+            .collect();
+        Table { values }
+    })
+}
+
+fn check(captures: &[Capture]) -> Result<(), Error> {
+    let first = captures.first().ok_or(Error::NoImages)?;
+    let serial = &first.camera.serial;
+    for (n, capture) in captures.iter().enumerate() {
+        let (width, height) = (capture.mosaic.width, capture.mosaic.height);
+        let bad = |reason| Error::BadImage { index: n + 1, width, height, reason };
+        if width < SMALLEST || height < SMALLEST {
+            return Err(bad("it is smaller than 64 pixels"));
+        }
+        if capture.mosaic.data.len() != width.saturating_mul(height) {
+            return Err(bad("its pixels do not fit its size"));
+        }
+        for p in 0..4 {
+            let (black, white) = (capture.levels.black[p], capture.levels.white[p]);
+            if !(black.is_finite() && white.is_finite() && white > black) {
+                return Err(bad("its white level is not above its black level"));
+            }
+        }
+        if (width, height) != (first.mosaic.width, first.mosaic.height) {
+            return Err(Error::SizesDiffer {
+                index: n + 1,
+                got_width: width,
+                got_height: height,
+                width: first.mosaic.width,
+                height: first.mosaic.height,
+            });
+        }
+        if let (Some(expected), Some(got)) = (serial, &capture.camera.serial)
+            && expected != got
+        {
+            return Err(Error::CamerasDiffer { index: n + 1, got: got.clone(), expected: expected.clone() });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,218 @@
+//! The `.calib` file: magic, format version, JSON header, deflated little-endian payload, sha256 of the payload.
+//!
+//! ```text
+//! 0   "LENSCAL\0"
+//! 8   format version, u32
+//! 12  header length H, u32
+//! 16  H bytes of JSON: everything of [`Calibration`] that is small, the payload's layout and sha256
+//! …   deflated payload: lenslets (i i32, j i32, x f64, y f64, trust f32 each, one array after the other), then the white
+//!     image as u16, each row as differences two pixels apart (same colour)
+//! ```
+//! All numbers little-endian.
+
+use std::io::{Read, Write};
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::{Calibration, Error, Lattice, Lenslet, Origin, Quality, Vignetting};
+
+const MAGIC: &[u8; 8] = b"LENSCAL\0";
+/// Newest format this program reads, and the one it writes.
+const VERSION: u32 = 1;
+/// No header is longer than this.
+const LONGEST_HEADER: usize = 1 << 20;
+/// No sensor side is longer than this, pixels.
+const LARGEST_SIDE: usize = 1 << 16;
+/// No sensor has more pixels.
+const MOST_PIXELS: usize = 1 << 29;
+
+#[derive(Debug, Serialize, Deserialize)]
+struct Header {
+    program: String,
+    width: usize,
+    height: usize,
+    lattice: Lattice,
+    lenslets: usize,
+    vignetting: Option<[usize; 2]>,
+    quality: Quality,
+    origin: Origin,
+    payload_bytes: usize,
+    payload_sha256: String,
+}
+
+/// Bytes a lenslet takes.
+const LENSLET: usize = 4 + 4 + 8 + 8 + 4;
+
+/// Writes a calibration; refuses an existing file without `force`.
+///
+/// # Errors
+/// When the file exists or cannot be written.
+pub fn save(path: &Path, calibration: &Calibration, force: bool) -> Result<(), Error> {
+    let mut payload = Vec::with_capacity(
+        calibration.lenslets.len() * LENSLET + calibration.vignetting.as_ref().map_or(0, |v| 2 * v.white.len()),
+    );
+    let lenslets = &calibration.lenslets;
+    lenslets.iter().for_each(|l| payload.extend(l.i.to_le_bytes()));
+    lenslets.iter().for_each(|l| payload.extend(l.j.to_le_bytes()));
+    lenslets.iter().for_each(|l| payload.extend(l.x.to_le_bytes()));
+    lenslets.iter().for_each(|l| payload.extend(l.y.to_le_bytes()));
+    lenslets.iter().for_each(|l| payload.extend(l.trust.to_le_bytes()));
+    if let Some(v) = &calibration.vignetting {
+        for row in v.white.chunks(v.width.max(1)) {
+            for (x, &value) in row.iter().enumerate() {
+                let before = if x >= 2 { row[x - 2] } else { 0 };
+                payload.extend(value.wrapping_sub(before).to_le_bytes());
+            }
+        }
+    }
+    let header = Header {
+        program: concat!("lenslet ", env!("CARGO_PKG_VERSION")).into(),
+        width: calibration.width,
+        height: calibration.height,
+        lattice: calibration.lattice,
+        lenslets: lenslets.len(),
+        vignetting: calibration.vignetting.as_ref().map(|v| [v.width, v.height]),
+        quality: calibration.quality.clone(),
+        origin: calibration.origin.clone(),
+        payload_bytes: payload.len(),
+        payload_sha256: hex(&Sha256::digest(&payload)),
+    };
+    let io = |e: std::io::Error| Error::Output(crate::output::Error::Io { path: path.to_path_buf(), source: e });
+    let json = serde_json::to_vec(&header).map_err(|e| io(e.into()))?;
+    let pending = crate::output::Pending::file(path, force)?;
+    let mut file = std::io::BufWriter::new(std::fs::File::create(pending.path()).map_err(io)?);
+    file.write_all(MAGIC).map_err(io)?;
+    file.write_all(&VERSION.to_le_bytes()).map_err(io)?;
+    file.write_all(&(json.len() as u32).to_le_bytes()).map_err(io)?;
+    file.write_all(&json).map_err(io)?;
+    let mut deflate = flate2::write::DeflateEncoder::new(file, flate2::Compression::fast());
+    deflate.write_all(&payload).map_err(io)?;
+    deflate.finish().map_err(io)?.flush().map_err(io)?;
+    pending.commit()?;
+    Ok(())
+}
+
+/// Reads a calibration.
+///
+/// # Errors
+/// Files that cannot be read, are no calibration, are damaged, or come from a later version of this program.
+pub fn load(path: &Path) -> Result<Calibration, Error> {
+    let name = || path.display().to_string();
+    let file = std::fs::File::open(path).map_err(|source| Error::Read { path: name(), source })?;
+    parse(std::io::BufReader::new(file), &name())
+}
+
+/// Reads a calibration from a stream; `path` is for messages.
+fn parse(mut file: impl Read, path: &str) -> Result<Calibration, Error> {
+    let bad = |reason: &str| Error::Malformed { path: path.into(), reason: reason.into() };
+    let mut start = [0u8; 16];
+    file.read_exact(&mut start).map_err(|_| bad("it is too short"))?;
+    if &start[..8] != MAGIC {
+        return Err(bad("it does not start like one; make one with `lenslet calibrate`"));
+    }
+    let word = |k: usize| u32::from_le_bytes([start[k], start[k + 1], start[k + 2], start[k + 3]]);
+    if word(8) > VERSION {
+        return Err(Error::Newer { path: path.into(), found: word(8), known: VERSION });
+    }
+    if word(8) == 0 {
+        return Err(bad("its format version is 0"));
+    }
+    let length = word(12) as usize;
+    if length > LONGEST_HEADER {
+        return Err(bad("its header is too long"));
+    }
+    let mut json = Vec::new();
+    file.by_ref().take(length as u64).read_to_end(&mut json).map_err(|_| bad("its header cannot be read"))?;
+    if json.len() != length {
+        return Err(bad("it ends within its header"));
+    }
+    let header: Header = serde_json::from_slice(&json).map_err(|e| bad(&format!("its header is damaged ({e})")))?;
+    let pixels = check(&header).map_err(bad)?;
+    // Sizes agree with each other now, and a file that promises more than it holds ends early: reading stops at what was promised.
+    let mut payload = Vec::new();
+    flate2::read::DeflateDecoder::new(file)
+        .take(header.payload_bytes as u64)
+        .read_to_end(&mut payload)
+        .map_err(|_| bad("its payload is damaged"))?;
+    if payload.len() != header.payload_bytes {
+        return Err(bad("it ends within its payload"));
+    }
+    if hex(&Sha256::digest(&payload)) != header.payload_sha256 {
+        return Err(bad("its payload does not match its checksum"));
+    }
+    let n = header.lenslets;
+    let (i, rest) = payload.split_at(4 * n);
+    let (j, rest) = rest.split_at(4 * n);
+    let (x, rest) = rest.split_at(8 * n);
+    let (y, rest) = rest.split_at(8 * n);
+    let (trust, white) = rest.split_at(4 * n);
+    let lenslets: Vec<Lenslet> = (0..n)
+        .map(|k| Lenslet {
+            i: i32::from_le_bytes(bytes(i, k)),
+            j: i32::from_le_bytes(bytes(j, k)),
+            x: f64::from_le_bytes(bytes(x, k)),
+            y: f64::from_le_bytes(bytes(y, k)),
+            trust: f32::from_le_bytes(bytes(trust, k)),
+        })
+        .collect();
+    let (right, bottom) = (header.width as f64 - 1.0, header.height as f64 - 1.0);
+    let sound =
+        |l: &Lenslet| (0.0..=right).contains(&l.x) && (0.0..=bottom).contains(&l.y) && (0.0..=1.0).contains(&l.trust);
+    if !lenslets.iter().all(sound) {
+        return Err(bad("it has lenslets that are not on its sensor"));
+    }
+    let vignetting = header.vignetting.map(|[width, height]| {
+        let mut values = Vec::with_capacity(pixels);
+        for k in 0..pixels {
+            let before = if k % width >= 2 { values[k - 2] } else { 0u16 };
+            values.push(before.wrapping_add(u16::from_le_bytes(bytes(white, k))));
+        }
+        Vignetting { width, height, white: values }
+    });
+    Ok(Calibration {
+        width: header.width,
+        height: header.height,
+        lattice: header.lattice,
+        lenslets,
+        quality: header.quality,
+        vignetting,
+        origin: header.origin,
+    })
+}
+
+/// Pixels of the white image, once the header's numbers are seen to be possible.
+fn check(header: &Header) -> Result<usize, &'static str> {
+    let size = |w: usize, h: usize| {
+        ((1..=LARGEST_SIDE).contains(&w) && (1..=LARGEST_SIDE).contains(&h) && w * h <= MOST_PIXELS).then_some(w * h)
+    };
+    let sensor = size(header.width, header.height).ok_or("its sensor size is impossible")?;
+    if header.lenslets > sensor / 4 {
+        return Err("it has more lenslets than its sensor has room for");
+    }
+    let pixels = match header.vignetting {
+        Some([w, h]) if [w, h] == [header.width, header.height] => sensor,
+        Some(_) => return Err("its white image is not of its sensor's size"),
+        None => 0,
+    };
+    if header.payload_bytes != header.lenslets * LENSLET + 2 * pixels {
+        return Err("its payload has not the size its header asks for");
+    }
+    let l = &header.lattice;
+    let numbers = [l.origin, l.a, l.b];
+    let det = l.a[0] * l.b[1] - l.a[1] * l.b[0];
+    if !numbers.iter().flatten().all(|v| v.is_finite() && v.abs() < 1e6) || det.abs() <= 1.0 {
+        return Err("its lattice is impossible");
+    }
+    Ok(pixels)
+}
+
+/// The `k`th N-byte item of a slice that has it.
+fn bytes<const N: usize>(from: &[u8], k: usize) -> [u8; N] {
+    std::array::from_fn(|b| from[k * N + b])
+}
+
+fn hex(digest: &[u8]) -> String {
+    digest.iter().map(|b| format!("{b:02x}")).collect()
+}

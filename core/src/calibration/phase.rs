@@ -1,0 +1,198 @@
+//! The lattice over the whole sensor from the phases of its two fundamentals in small tiles: a first lattice within a
+//! few hundredths of a pixel everywhere, which no dead lenslet, dust or scratch can pull far. (Goes past paper section 3.2,
+//! which rotates by the peak's bin alone.)
+
+use rayon::prelude::*;
+
+use super::lattice::centred;
+use super::rotation::{Fundamentals, lattice_vectors};
+use super::{Error, Lattice, Plane};
+
+/// Tiles a side, at most.
+const TILES: usize = 24;
+/// Tile side in lattice periods.
+const PERIODS: f64 = 8.0;
+/// Mean alignment of tile phases under which there is no lattice (1 = perfect, 1/√tiles = chance).
+const LEAST_COHERENCE: f64 = 0.5;
+
+/// What the phases gave.
+#[derive(Debug, Clone, Copy)]
+pub struct Locked {
+    /// The lattice.
+    pub lattice: Lattice,
+    /// Mean alignment of the tiles' phases with it, 0..1.
+    pub coherence: f64,
+}
+
+#[derive(Clone, Copy)]
+struct Tile {
+    x: f64,
+    y: f64,
+    z: [(f64, f64); 2],
+}
+
+/// Locks the lattice on the phases of its fundamentals.
+///
+/// # Errors
+/// [`Error::NoPattern`] when the phases of the tiles do not agree on one lattice.
+pub fn lock(plane: &Plane, start: &Fundamentals) -> Result<Locked, Error> {
+    let mut f = [start.f1, start.f2];
+    let period = 1.0 / f[0][0].hypot(f[0][1]);
+    let side = ((PERIODS * period) as usize).clamp(16, plane.width.min(plane.height));
+    let count = |length: usize| (length / side).clamp(1, TILES);
+    let (nx, ny) = (count(plane.width), count(plane.height));
+    let corner = |k: usize, n: usize, length: usize| {
+        if n == 1 { (length - side) / 2 } else { k * (length - side) / (n - 1) }
+    };
+    let middle = [(plane.width as f64 - 1.0) / 2.0, (plane.height as f64 - 1.0) / 2.0];
+    let mut phase = [0f64; 2];
+    let mut coherence = 0.0;
+    // Round one is demodulated with the peaks of the spectrum, round two with the corrected frequencies.
+    for _ in 0..2 {
+        let tiles: Vec<Tile> = (0..nx * ny)
+            .into_par_iter()
+            .map(|k| tile(plane, corner(k % nx, nx, plane.width), corner(k / nx, ny, plane.height), side, &f, middle))
+            .collect();
+        coherence = 1.0;
+        for w in 0..2 {
+            let fit = fit_phase(&tiles, w, nx, ny);
+            f[w][0] += fit.slope[0];
+            f[w][1] += fit.slope[1];
+            phase[w] = fit.phase;
+            coherence = fit.coherence.min(coherence);
+        }
+    }
+    if coherence < LEAST_COHERENCE {
+        return Err(Error::NoPattern {
+            reason: format!("the pattern's phases agree to {:.0} % only over the image", 100.0 * coherence),
+        });
+    }
+    let (grid, a, b) = lattice_vectors(start.square, f[0], f[1]);
+    // Light ~ cos 2π f·(p − c): the phase at the sensor's middle m is f·(m − c).
+    let det = f[0][0] * f[1][1] - f[0][1] * f[1][0];
+    let turns = [-phase[0], -phase[1]];
+    let c = [
+        middle[0] + (turns[0] * f[1][1] - turns[1] * f[0][1]) / det,
+        middle[1] + (f[0][0] * turns[1] - f[1][0] * turns[0]) / det,
+    ];
+    Ok(Locked { lattice: centred(Lattice { grid, origin: c, a, b }, plane.width, plane.height), coherence })
+}
+
+/// Light of one tile at both frequencies, phases referred to the sensor's middle.
+fn tile(plane: &Plane, x0: usize, y0: usize, side: usize, f: &[[f64; 2]; 2], middle: [f64; 2]) -> Tile {
+    use std::f64::consts::PI;
+    let window: Vec<f32> =
+        (0..side).map(|k| 0.5 - 0.5 * (2.0 * std::f32::consts::PI * (k as f32 + 0.5) / side as f32).cos()).collect();
+    let (cx, cy) = (x0 as f64 + (side as f64 - 1.0) / 2.0, y0 as f64 + (side as f64 - 1.0) / 2.0);
+    let mut mean = 0f64;
+    for y in 0..side {
+        mean += plane.row(y0 + y)[x0..x0 + side].iter().map(|&v| f64::from(v)).sum::<f64>();
+    }
+    let mean = (mean / (side * side) as f64) as f32;
+    let z = [0, 1].map(|w| {
+        let columns: Vec<(f32, f32)> = (0..side)
+            .map(|x| {
+                let (s, c) = (-2.0 * PI * f[w][0] * ((x0 + x) as f64 - cx)).sin_cos();
+                (c as f32 * window[x], s as f32 * window[x])
+            })
+            .collect();
+        let (mut re, mut im) = (0f64, 0f64);
+        for (y, &weight) in window.iter().enumerate() {
+            let row = &plane.row(y0 + y)[x0..x0 + side];
+            let (mut r, mut i) = (0f32, 0f32);
+            for (&v, &(c, s)) in row.iter().zip(&columns) {
+                r += (v - mean) * c;
+                i += (v - mean) * s;
+            }
+            let (s, c) = (-2.0 * PI * f[w][1] * ((y0 + y) as f64 - cy)).sin_cos();
+            let k = f64::from(weight);
+            re += k * (f64::from(r) * c - f64::from(i) * s);
+            im += k * (f64::from(r) * s + f64::from(i) * c);
+        }
+        // Unit length (a bright tile has no more say than a dark one), turned to what it would be at the middle.
+        let length = re.hypot(im).max(1e-30);
+        let (s, c) = (-2.0 * PI * (f[w][0] * (cx - middle[0]) + f[w][1] * (cy - middle[1]))).sin_cos();
+        ((re * c - im * s) / length, (re * s + im * c) / length)
+    });
+    Tile { x: cx - middle[0], y: cy - middle[1], z }
+}
+
+struct PhaseFit {
+    /// Turns a pixel.
+    slope: [f64; 2],
+    /// Turns at the middle.
+    phase: f64,
+    coherence: f64,
+}
+
+/// Phase as a plane over the sensor: slopes from neighbouring tiles first (they cannot be a turn apart), then a robust line.
+fn fit_phase(tiles: &[Tile], w: usize, nx: usize, ny: usize) -> PhaseFit {
+    use std::f64::consts::PI;
+    let mut slope = [0f64; 2];
+    for (axis, step, n) in [(0, 1, nx), (1, nx, ny)] {
+        let (mut re, mut im) = (0f64, 0f64);
+        for k in 0..tiles.len().saturating_sub(step) {
+            if axis == 0 && k % nx == nx - 1 {
+                continue;
+            }
+            let (p, q) = (tiles[k].z[w], tiles[k + step].z[w]);
+            re += p.0 * q.0 + p.1 * q.1;
+            im += p.0 * q.1 - p.1 * q.0;
+        }
+        if n > 1 {
+            let gap = if axis == 0 { tiles[1].x - tiles[0].x } else { tiles[step].y - tiles[0].y };
+            slope[axis] = im.atan2(re) / (2.0 * PI * gap);
+        }
+    }
+    let mut phase = 0.0;
+    let mut weights = vec![1f64; tiles.len()];
+    let mut coherence = 0.0;
+    for _ in 0..8 {
+        let (mut re, mut im) = (0f64, 0f64);
+        let turned: Vec<(f64, f64)> = tiles
+            .iter()
+            .map(|t| {
+                let (s, c) = (-2.0 * PI * (slope[0] * t.x + slope[1] * t.y)).sin_cos();
+                (t.z[w].0 * c - t.z[w].1 * s, t.z[w].0 * s + t.z[w].1 * c)
+            })
+            .collect();
+        for (z, &k) in turned.iter().zip(&weights) {
+            re += k * z.0;
+            im += k * z.1;
+        }
+        phase = im.atan2(re) / (2.0 * PI);
+        let plain = turned.iter().fold((0f64, 0f64), |s, z| (s.0 + z.0, s.1 + z.1));
+        coherence = plain.0.hypot(plain.1) / tiles.len() as f64;
+        // What is left, in turns, wrapped; then a weighted line through it.
+        let mut sums = [0f64; 9];
+        for ((t, z), weight) in tiles.iter().zip(&turned).zip(weights.iter_mut()) {
+            let rest = (z.1.atan2(z.0) / (2.0 * PI) - phase + 0.5).rem_euclid(1.0) - 0.5;
+            *weight = 1.0 / (1.0 + (rest / 0.03).powi(2));
+            let k = *weight;
+            for (slot, v) in sums.iter_mut().zip([
+                k,
+                k * t.x,
+                k * t.y,
+                k * t.x * t.x,
+                k * t.x * t.y,
+                k * t.y * t.y,
+                k * rest,
+                k * rest * t.x,
+                k * rest * t.y,
+            ]) {
+                *slot += v;
+            }
+        }
+        let [n, sx, sy, sxx, sxy, syy, r, rx, ry] = sums;
+        let matrix = [[n, sx, sy], [sx, sxx, sxy], [sy, sxy, syy]];
+        if nx > 1
+            && ny > 1
+            && let Some(fit) = super::linear::solve(matrix, [r, rx, ry])
+        {
+            slope[0] += fit[1];
+            slope[1] += fit[2];
+            phase += fit[0];
+        }
+    }
+    PhaseFit { slope, phase, coherence }
+}
