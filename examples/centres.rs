@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use lenslet_core::calibration::{self, Options};
-use lenslet_core::container::{CameraFacts, Capture, Cfa, ColourFacts, Levels, RawMosaic};
+use lenslet_core::container;
 use lenslet_core::progress::Silent;
 use ndarray::Array2;
 
@@ -17,7 +17,7 @@ fn main() -> anyhow::Result<()> {
         anyhow::bail!("usage: centres IMAGE.png OUT.npy");
     };
     let began = Instant::now();
-    let white = open(Path::new(image))?;
+    let white = container::open(Path::new(image), None)?;
     let options = Options { without_vignetting: true };
     let found = calibration::calibrate(&[white], &options, &Silent)?;
     let seconds = began.elapsed().as_secs_f64();
@@ -33,28 +33,4 @@ fn main() -> anyhow::Result<()> {
     });
     println!("{report}");
     Ok(())
-}
-
-fn open(path: &Path) -> anyhow::Result<Capture> {
-    let image = image::open(path)?;
-    let (w, h) = (image.width() as usize, image.height() as usize);
-    let (data, black, white) = match image {
-        image::DynamicImage::ImageLuma16(i) => (i.into_raw(), 168.0, 4095.0),
-        other => (other.to_luma8().into_raw().into_iter().map(u16::from).collect(), 10.5, 255.0),
-    };
-    Ok(Capture {
-        mosaic: RawMosaic { width: w, height: h, data },
-        cfa: Cfa::Bggr,
-        levels: Levels { black: [black; 4], white: [white; 4] },
-        colour: ColourFacts {
-            white_balance: [1.0; 4],
-            ccm: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-            gamma: None,
-        },
-        camera: CameraFacts::default(),
-        mla: None,
-        source_sha256: String::new(),
-        white: None,
-        warnings: vec![],
-    })
 }
