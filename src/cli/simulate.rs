@@ -1,11 +1,154 @@
-//! `lenslet simulate`
+//! `lenslet simulate`: a capture with known truth, from a drawn scene or from photos.
 
-use super::{Context, Outcome};
+use std::path::PathBuf;
 
-/// simulate
+use lenslet_data_gen::simulate::{self, Camera, Kind, Options, Profile, Scene, Truth};
+use serde_json::json;
+
+use super::{Context, Interrupted, Outcome, Usage};
+
+/// Simulate a capture of a lenslet camera, with white images and the truth
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(after_help = "\
+Examples: lenslet simulate --out sim
+          lenslet simulate --scene chart --sensor 1640 --size 540 --noise 0 --out chart
+          lenslet simulate --photo wall.jpg print.jpg --out photos
 
-pub fn run(_args: &Args, _context: &Context) -> anyhow::Result<Outcome> {
-    anyhow::bail!("not built yet")
+Writes capture.lfp, white-00.lfp ..., and truth/: centres.npy (N x 2: x, y in sensor pixels, pixel centres at integers),
+views/ (a light field), disparity.npy (central view, output pixels per view step: a point at x in the central view is
+at x + D*u in view u), scene.json (camera, scene, and where the charts' elements are).
+A scene's detail is drawn in lenslet pitches, so a small sensor sees a smaller piece at the same detail.")]
+pub struct Args {
+    /// natural, planes, slanted, occluders, chart, colour, white or flat
+    #[arg(long, default_value = "natural", value_name = "NAME", conflicts_with = "photo")]
+    scene: Kind,
+    /// Photos instead: the first as background, the others as prints before it
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    photo: Vec<PathBuf>,
+    /// Directory to write
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Replace the directory if it exists
+    #[arg(long)]
+    force: bool,
+    /// Seed of lenslet errors, noise and pictures
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    seed: u64,
+    /// Side of the sensor in pixels, even
+    #[arg(long, default_value_t = 3280, value_name = "N")]
+    sensor: usize,
+    /// Longer side of the truth views in pixels
+    #[arg(long, default_value_t = 1080, value_name = "N")]
+    size: usize,
+    /// Truth views a row and a column, odd
+    #[arg(long, default_value_t = 7, value_name = "N")]
+    views: usize,
+    /// Sensor pixels between neighbouring views
+    #[arg(long, default_value_t = 1.0, value_name = "PIXELS")]
+    view_step: f64,
+    /// Largest disparity of the scene in lenslet pitches per sensor pixel [default: 0.3; chart 0.15; colour, flat, one photo 0]
+    #[arg(long, value_name = "D", allow_negative_numbers = true)]
+    disparity: Option<f64>,
+    /// Lenslet pitch in sensor pixels
+    #[arg(long, default_value_t = Camera::default().pitch, value_name = "PIXELS")]
+    pitch: f64,
+    /// Rotation of the lattice in radians, positive = clockwise on screen
+    #[arg(long, default_value_t = Camera::default().rotation, value_name = "RADIANS", allow_negative_numbers = true)]
+    rotation: f64,
+    /// Row distance over its ideal
+    #[arg(long, default_value_t = Camera::default().row_stretch, value_name = "RATIO")]
+    row_stretch: f64,
+    /// Lenslet (0, 0) minus the sensor's centre, pixels
+    #[arg(long, value_name = "X,Y", default_value = "2.37,-1.61", allow_hyphen_values = true, value_parser = parse_offset)]
+    offset: [f64; 2],
+    /// Standard deviation of each lenslet's own position error, pixels
+    #[arg(long, default_value_t = Camera::default().jitter, value_name = "PIXELS")]
+    jitter: f64,
+    /// Light over a micro-image: parabolic or gaussian
+    #[arg(long, default_value = "parabolic", value_parser = ["parabolic", "gaussian"])]
+    profile: String,
+    /// Share of the light the main lens loses in the corners
+    #[arg(long, default_value_t = Camera::default().vignetting, value_name = "SHARE")]
+    vignetting: f64,
+    /// Optical blur on the sensor (standard deviation), pixels
+    #[arg(long, default_value_t = Camera::default().psf, value_name = "PIXELS")]
+    psf: f64,
+    /// Noise: 0 none; 1 one electron a DN and 3 DN of read noise
+    #[arg(long, default_value_t = Options::default().noise, value_name = "K")]
+    noise: f64,
+    /// White images
+    #[arg(long, default_value_t = Options::default().whites, value_name = "N")]
+    whites: usize,
+}
+
+/// `x,y` as two numbers.
+fn parse_offset(text: &str) -> Result<[f64; 2], String> {
+    let bad = || format!("`{text}` is not X,Y");
+    let (x, y) = text.split_once(',').ok_or_else(bad)?;
+    Ok([x.trim().parse().map_err(|_| bad())?, y.trim().parse().map_err(|_| bad())?])
+}
+
+/// Values out of range are wrong usage, interruption has its own code.
+pub fn sorted(error: simulate::Error) -> anyhow::Error {
+    match error {
+        simulate::Error::Parameter(text) => Usage(text).into(),
+        simulate::Error::Interrupted => Interrupted.into(),
+        other => other.into(),
+    }
+}
+
+pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
+    let camera = Camera {
+        sensor: (args.sensor, args.sensor),
+        pitch: args.pitch,
+        rotation: args.rotation,
+        row_stretch: args.row_stretch,
+        offset: args.offset,
+        jitter: args.jitter,
+        profile: match args.profile.as_str() {
+            "gaussian" => Profile::Gaussian { sigma: 0.55 },
+            _ => Camera::default().profile,
+        },
+        vignetting: args.vignetting,
+        psf: args.psf,
+        ..Camera::default()
+    };
+    let options = Options { seed: args.seed, noise: args.noise, whites: args.whites };
+    let truth = Truth { views: args.views, view_step: args.view_step, size: args.size };
+    // Everything that can be refused is refused before the long work begins.
+    camera.check().and_then(|()| options.check()).and_then(|()| truth.check()).map_err(sorted)?;
+    if !args.force && args.out.symlink_metadata().is_ok() {
+        return Err(lenslet_core::output::Error::Exists(args.out.clone()).into());
+    }
+    let observer = &context.progress;
+    let scene = if args.photo.is_empty() {
+        Scene::named(args.scene, &camera, args.disparity, args.seed, observer)
+    } else {
+        simulate::photos(&args.photo, &camera, args.disparity, args.seed, observer)
+    };
+    let scene = scene.map_err(sorted)?;
+    let simulation = simulate::render(&scene, &camera, &options, observer).map_err(sorted)?;
+    simulate::write(&args.out, &scene, &camera, &options, &simulation, &truth, args.force, observer).map_err(sorted)?;
+    let out = args.out.display();
+    Ok(Outcome {
+        text: format!(
+            "{out}: scene {}, {}x{} sensor, {} lenslets, {} white images, {n}x{n} truth views\nnext: lenslet calibrate {out}/white-*.lfp --out {out}/camera.calib",
+            scene.name,
+            args.sensor,
+            args.sensor,
+            simulation.centres.len(),
+            simulation.whites.len(),
+            n = args.views,
+        ),
+        json: json!({
+            "out": args.out,
+            "scene": scene.name,
+            "sensor": [args.sensor, args.sensor],
+            "lenslets": simulation.centres.len(),
+            "whites": simulation.whites.len(),
+            "views": args.views,
+            "largest_disparity": scene.disparity,
+            "seed": args.seed,
+        }),
+    })
 }

@@ -12,9 +12,13 @@ mod chart;
 mod draw;
 mod layer;
 mod painting;
+mod photo;
 mod scene;
 mod sensor;
 mod truth;
+mod write;
+
+use std::path::PathBuf;
 
 use lenslet_core::container::{CameraFacts, Capture, Levels, MlaHint};
 use lenslet_core::progress::Observer;
@@ -23,9 +27,11 @@ use serde::{Deserialize, Serialize};
 pub use camera::{Camera, Lenslets, Profile};
 pub use chart::{FREQUENCIES, PATCHES, WHITE};
 pub use layer::{Bounds, Layer, Paint, Sheet};
+pub use photo::photos;
 pub use scene::{Frame, Kind, Plan, Region, Scene};
 pub use sensor::{BLACK, expose, expose_white, record, white_pattern};
-pub use truth::{disparity, output_size, view};
+pub use truth::{disparity, offset, output_size, view};
+pub use write::{Truth, write};
 
 /// What goes wrong in a simulation.
 #[derive(Debug, thiserror::Error)]
@@ -34,6 +40,31 @@ pub enum Error {
     /// A value out of range.
     #[error("{0}")]
     Parameter(String),
+    /// A photo cannot be used.
+    #[error("photo {}: {reason}", path.display())]
+    Photo {
+        /// Which file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A file of the result cannot be written.
+    #[error("cannot write {}: {reason}", path.display())]
+    Write {
+        /// Which file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// The result cannot be put in place.
+    #[error(transparent)]
+    Output(#[from] lenslet_core::output::Error),
+    /// A capture cannot be written.
+    #[error(transparent)]
+    Container(#[from] lenslet_core::container::Error),
+    /// The truth views cannot be written.
+    #[error(transparent)]
+    LightField(#[from] lenslet_core::lightfield::Error),
     /// The observer asked to stop.
     #[error("interrupted")]
     Interrupted,
@@ -56,6 +87,22 @@ impl Default for Options {
     }
 }
 
+impl Options {
+    /// Refuses values out of range.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] naming the first one.
+    pub fn check(&self) -> Result<(), Error> {
+        if !(0.0..=100.0).contains(&self.noise) {
+            return Err(Error::Parameter(format!("the noise must lie in 0..=100, not {}", self.noise)));
+        }
+        if self.whites > 32 {
+            return Err(Error::Parameter(format!("{} white images are too many: at most 32", self.whites)));
+        }
+        Ok(())
+    }
+}
+
 /// A capture with its white images and what is true about it.
 #[derive(Debug, Clone)]
 pub struct Simulation {
@@ -72,12 +119,7 @@ pub struct Simulation {
 /// # Errors
 /// [`Error::Parameter`] for values out of range, [`Error::Interrupted`].
 pub fn render(scene: &Scene, camera: &Camera, options: &Options, observer: &dyn Observer) -> Result<Simulation, Error> {
-    if !(0.0..=100.0).contains(&options.noise) {
-        return Err(Error::Parameter(format!("the noise must lie in 0..=100, not {}", options.noise)));
-    }
-    if options.whites > 32 {
-        return Err(Error::Parameter(format!("{} white images are too many: at most 32", options.whites)));
-    }
+    options.check()?;
     let lenslets = Lenslets::new(camera, options.seed)?;
     let pattern = white_pattern(camera, &lenslets);
     let signal = expose(camera, &lenslets, scene, &pattern, observer)?;

@@ -13,6 +13,12 @@ pub fn output_size(camera: &Camera, size: usize) -> (usize, usize) {
     (((w * scale).round() as usize).max(1), ((h * scale).round() as usize).max(1))
 }
 
+/// Offset (x, y) in sensor pixels of the view in row and column `[v, u]` (counted from 0) of `n`×`n`.
+pub fn offset(view: [usize; 2], n: usize, view_step: f64) -> [f64; 2] {
+    let middle = (n / 2) as f64;
+    [(view[1] as f64 - middle) * view_step, (view[0] as f64 - middle) * view_step]
+}
+
 /// The scene under offset `delta` (sensor pixels), shape (t, s, 3), linear light: output pixel (s, t) is the mean over
 /// its area, centred on the sensor position (s + 0.5)·W/W_out − 0.5.
 pub fn view(scene: &Scene, camera: &Camera, delta: [f64; 2], size: (usize, usize)) -> Array3<f32> {
