@@ -5,6 +5,7 @@
 
 pub mod barycentric;
 pub mod bicubic;
+pub mod cubic;
 
 use std::fmt;
 use std::str::FromStr;
@@ -130,7 +131,11 @@ pub fn render(
             let prepared = barycentric::prepare(samples, target)?;
             each_view(samples, sink, observer, &mut |values| barycentric::view(&prepared, values))
         }
-        Method::Cubic | Method::Multiview | Method::Learned => {
+        Method::Cubic => {
+            let prepared = cubic::prepare(samples, target)?;
+            each_view(samples, sink, observer, &mut |values| cubic::view(&prepared, values))
+        }
+        Method::Multiview | Method::Learned => {
             anyhow::bail!("the method {method} is not part of this build")
         }
     }

@@ -232,7 +232,7 @@ fn check(capture: &Capture, calibration: &Calibration, options: &Options) -> Res
     if !calibration.lenslets.iter().all(near) {
         return Err(Error::Calibration("it has a lenslet far off the sensor".into()));
     }
-    if options.views % 2 == 0 || options.views > 15 {
+    if options.views.is_multiple_of(2) || options.views > 15 {
         return Err(Error::Parameter(format!("{0}x{0} views: the number must be odd, 1 to 15", options.views)));
     }
     if !(options.view_step > 0.0 && options.view_step <= 4.0) {
@@ -252,7 +252,7 @@ fn check(capture: &Capture, calibration: &Calibration, options: &Options) -> Res
     if late.any(|s| !matches!(s, Step::ColourMatrix | Step::Exposure(_))) {
         return Err(Error::Parameter("after the demosaic only colour matrix and exposure can follow".into()));
     }
-    if options.steps.iter().any(|s| matches!(s, Step::Exposure(ev) if !(ev.abs() <= 32.0))) {
+    if options.steps.iter().any(|s| matches!(s, Step::Exposure(ev) if !(-32.0..=32.0).contains(ev))) {
         return Err(Error::Parameter("the exposure must be within 32 EV".into()));
     }
     if let WhiteBalance::Gains(gains) = options.white_balance

@@ -5,12 +5,15 @@
 //! and the same for y. Values are never rotated or moved, only their coordinates.
 
 pub mod bicubic;
+mod cubic;
 mod delaunay;
+mod gradient;
 mod hex;
 pub mod patches;
 mod raster;
 mod weights;
 
+pub use cubic::Cubic;
 pub use delaunay::{Triangulation, triangulate};
 pub use hex::{DEFAULT_PITCH, DEFAULT_ROTATION, Footprint, Placed, hexagonal, lattice_samples, place, sample_image};
 pub use weights::Weights;
