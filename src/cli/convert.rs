@@ -1,11 +1,91 @@
-//! `lenslet convert`
+//! `lenslet convert`: a light field from one format to another.
 
-use super::{Context, Outcome};
+use std::path::PathBuf;
 
-/// convert
+use lenslet_core::lightfield::{self, ColourSpace, Format, ReadOptions, colour};
+use lenslet_core::progress::Observer;
+use serde_json::json;
+
+use super::{Context, Outcome, Usage, score};
+
+/// Convert a light field from one format to another
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(after_help = "\
+Example: lenslet convert antinous/ --out antinous.npy
+         lenslet convert rectified.eslf.png --views 14 --out lf/ --crop-views 7
 
-pub fn run(_args: &Args, _context: &Context) -> anyhow::Result<Outcome> {
-    anyhow::bail!("not built yet")
+Reads: our directory, .npy (float32, float64, uint8, uint16; v,u,t,s,c), folders of numbered pictures
+(input_Cam042.png, view_3_5.png, IMG_0001_017_02_04.png), ESLF / lenslet pictures (with --views), MATLAB .mat of
+level 5 (variable LF). Writes: dir (16-bit PNG a view), npy (float32), mat (LF, single), eslf (16-bit PNG).")]
+pub struct Args {
+    /// The light field to read
+    input: PathBuf,
+    /// What to write
+    #[arg(long, value_name = "PATH")]
+    out: PathBuf,
+    /// Format to write: dir, npy, mat or eslf (default: by the ending of --out: .npy, .mat, .png, else dir)
+    #[arg(long, value_parser = ["dir", "npy", "mat", "eslf"])]
+    format: Option<String>,
+    /// Views (N or ROWSxCOLUMNS) of a lenslet picture, or of pictures numbered in a row
+    #[arg(long, value_name = "N", value_parser = score::parse_views)]
+    views: Option<[usize; 2]>,
+    /// Keep only the N (or ROWSxCOLUMNS) views in the middle
+    #[arg(long, value_name = "N", value_parser = score::parse_views)]
+    crop_views: Option<[usize; 2]>,
+    /// The input holds linear light, and does not say so itself
+    #[arg(long)]
+    input_linear: bool,
+    /// Write linear light (default: sRGB-encoded values)
+    #[arg(long)]
+    linear: bool,
+    /// Replace what stands at --out
+    #[arg(long)]
+    force: bool,
+}
+
+pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
+    let colour = args.input_linear.then_some(ColourSpace::Linear);
+    let options = ReadOptions { views: args.views, colour, ..ReadOptions::default() };
+    let source = lightfield::open(&args.input, &options)?;
+    let mut meta = source.meta().clone();
+    let [rows, columns] = args.crop_views.unwrap_or(meta.views);
+    if rows > meta.views[0] || columns > meta.views[1] {
+        let [r, c] = meta.views;
+        return Err(Usage(format!("--crop-views {rows}x{columns}: there are only {r}x{c} views")).into());
+    }
+    // An even number cannot be cut from an odd one around the middle; the upper left of the two choices is taken.
+    let first = [(meta.views[0] - rows) / 2, (meta.views[1] - columns) / 2];
+    let from = meta.colour;
+    meta.views = [rows, columns];
+    meta.colour = if args.linear { ColourSpace::Linear } else { ColourSpace::Srgb };
+    let format = match &args.format {
+        Some(name) => name.parse()?,
+        None => Format::of_name(&args.out),
+    };
+    let name = args.input.file_name().map(|n| n.to_string_lossy().into_owned());
+    meta.provenance.push(json!({
+        "tool": "lenslet", "version": env!("CARGO_PKG_VERSION"), "command": "convert", "input": name, "first_view": first,
+    }));
+
+    let mut sink = lightfield::create(&args.out, meta.clone(), format, args.force)?;
+    context.progress.begin("converting views", (rows * columns) as u64);
+    for v in 0..rows {
+        for u in 0..columns {
+            context.progress.check()?;
+            let mut view = source.read(first[0] + v, first[1] + u)?;
+            colour::convert(&mut view, from, meta.colour);
+            sink.write(v, u, &view)?;
+            context.progress.advance(1);
+        }
+    }
+    sink.finish()?;
+
+    let [height, width] = meta.size;
+    let out = args.out.display().to_string();
+    let text = format!("{out}: {rows}x{columns} views of {width}x{height}, {} channels, {format}", meta.channels);
+    let json = json!({
+        "out": out, "format": format.to_string(), "views": meta.views, "size": meta.size,
+        "channels": meta.channels, "colour": meta.colour,
+    });
+    Ok(Outcome { json, text })
 }

@@ -8,6 +8,7 @@ use image::{ColorType, DynamicImage, ImageDecoder, ImageReader, Limits};
 use ndarray::Array3;
 use rayon::prelude::*;
 
+use super::number::{Kind, Number};
 use super::{ColourSpace, Error, MAX_SIDE, MAX_VIEW_VALUES, Meta, ReadOptions, ViewSource, io_at, malformed};
 
 /// Values 0..1 to big-endian 16-bit samples, rounded to nearest; NaN becomes 0.
@@ -58,7 +59,7 @@ pub(super) struct Shape {
     pub(super) channels: usize,
 }
 
-fn decoder(path: &Path) -> Result<(impl ImageDecoder + use<>, Shape), Error> {
+fn decoder(path: &Path, max_values: usize) -> Result<(impl ImageDecoder + use<>, Shape), Error> {
     let file = File::open(path).map_err(io_at(path))?;
     let length = file.metadata().map_err(io_at(path))?.len();
     let mut reader = ImageReader::new(BufReader::new(file)).with_guessed_format().map_err(io_at(path))?;
@@ -68,7 +69,7 @@ fn decoder(path: &Path) -> Result<(impl ImageDecoder + use<>, Shape), Error> {
     let mut limits = Limits::default();
     limits.max_image_width = Some(MAX_SIDE as u32);
     limits.max_image_height = Some(MAX_SIDE as u32);
-    limits.max_alloc = Some(4 * MAX_VIEW_VALUES as u64);
+    limits.max_alloc = Some(4 * max_values as u64);
     reader.limits(limits);
     let decoder = reader.into_decoder().map_err(|e| malformed(path, e.to_string()))?;
     let (width, height) = decoder.dimensions();
@@ -80,7 +81,7 @@ fn decoder(path: &Path) -> Result<(impl ImageDecoder + use<>, Shape), Error> {
     if shape.width == 0 || shape.height == 0 {
         return Err(malformed(path, "the image has no pixels"));
     }
-    if shape.width * shape.height * 4 > MAX_VIEW_VALUES {
+    if shape.width * shape.height * 4 > max_values {
         return Err(malformed(path, format!("{width}x{height} pixels are too many")));
     }
     // No coding here packs more than 1032 bytes (deflate) into one; 8 pixels a byte and some room on top.
@@ -92,32 +93,47 @@ fn decoder(path: &Path) -> Result<(impl ImageDecoder + use<>, Shape), Error> {
 
 /// Size and channels, from the file's head.
 pub(super) fn shape(path: &Path) -> Result<Shape, Error> {
-    Ok(decoder(path)?.1)
+    shape_within(path, MAX_VIEW_VALUES)
+}
+
+/// [`shape`] of a picture of at most `max_values` values (counting four channels).
+pub(super) fn shape_within(path: &Path, max_values: usize) -> Result<Shape, Error> {
+    Ok(decoder(path, max_values)?.1)
+}
+
+/// Reads an image as stored: its bytes (u8, or u16 little-endian) in row-major order, what they are, and 1 or 3
+/// channels; alpha is dropped.
+pub(super) fn read_stored(path: &Path, max_values: usize) -> Result<(Vec<u8>, Number, usize), Error> {
+    let (decoder, shape) = decoder(path, max_values)?;
+    let picture = DynamicImage::from_decoder(decoder).map_err(|e| malformed(path, e.to_string()))?;
+    let eight = Number { kind: Kind::U8, big_endian: false };
+    let sixteen = Number { kind: Kind::U16, big_endian: false };
+    let (bytes, number) = match (shape.channels, picture) {
+        (1, DynamicImage::ImageLuma8(p)) => (p.into_raw(), eight),
+        (1, DynamicImage::ImageLuma16(p)) => (little(p.as_raw()), sixteen),
+        (1, p) => (little(p.into_luma16().as_raw()), sixteen),
+        (_, DynamicImage::ImageRgb8(p)) => (p.into_raw(), eight),
+        (_, DynamicImage::ImageRgb16(p)) => (little(p.as_raw()), sixteen),
+        (_, DynamicImage::ImageRgba8(p)) => (DynamicImage::ImageRgba8(p).into_rgb8().into_raw(), eight),
+        (_, p) => (little(p.into_rgb16().as_raw()), sixteen),
+    };
+    Ok((bytes, number, shape.channels))
+}
+
+fn little(values: &[u16]) -> Vec<u8> {
+    let mut bytes = vec![0; 2 * values.len()];
+    for (to, x) in bytes.as_chunks_mut().0.iter_mut().zip(values) {
+        *to = x.to_le_bytes();
+    }
+    bytes
 }
 
 /// Reads an image as values 0..1, shape (t, s, c), c = 1 or 3; alpha is dropped.
 pub(super) fn read(path: &Path) -> Result<Array3<f32>, Error> {
-    let (decoder, shape) = decoder(path)?;
-    let Shape { width, height, channels } = shape;
-    let picture = DynamicImage::from_decoder(decoder).map_err(|e| malformed(path, e.to_string()))?;
-    let values: Vec<f32> = match (channels, picture) {
-        (1, DynamicImage::ImageLuma8(p)) => eight(p.as_raw()),
-        (1, DynamicImage::ImageLuma16(p)) => sixteen(p.as_raw()),
-        (1, p) => sixteen(p.into_luma16().as_raw()),
-        (_, DynamicImage::ImageRgb8(p)) => eight(p.as_raw()),
-        (_, DynamicImage::ImageRgb16(p)) => sixteen(p.as_raw()),
-        (_, DynamicImage::ImageRgba8(p)) => eight(DynamicImage::ImageRgba8(p).into_rgb8().as_raw()),
-        (_, p) => sixteen(p.into_rgb16().as_raw()),
-    };
+    let Shape { width, height, channels } = shape(path)?;
+    let (bytes, number, _) = read_stored(path, MAX_VIEW_VALUES)?;
+    let values = number.read_all(&bytes, number.kind.full_scale().unwrap_or(1.0));
     Array3::from_shape_vec((height, width, channels), values).map_err(|e| malformed(path, e.to_string()))
-}
-
-fn eight(values: &[u8]) -> Vec<f32> {
-    values.iter().map(|&x| f32::from(x) / 255.0).collect()
-}
-
-fn sixteen(values: &[u16]) -> Vec<f32> {
-    values.iter().map(|&x| f32::from(x) / 65535.0).collect()
 }
 
 /// Reads one view of a light field; its size is compared before its pixels are read.

@@ -4,9 +4,12 @@
 
 pub mod colour;
 mod directory;
+mod eslf;
 mod image_file;
+mod mat;
 mod npy;
 mod number;
+mod numbered;
 mod queue;
 mod strided;
 
@@ -132,6 +135,22 @@ pub enum Format {
     Directory,
     /// One .npy, f32, shape (v, u, t, s, c).
     Npy,
+    /// One MATLAB file of level 5 with the variable `LF` (v, u, t, s, c), single, 0..1.
+    Mat,
+    /// One 16-bit PNG with the views interleaved, a lenslet's views side by side.
+    Eslf,
+}
+
+impl Format {
+    /// The format a name asks for: by its ending, a directory when it has none that is known.
+    pub fn of_name(path: &Path) -> Format {
+        match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
+            Some("npy") => Format::Npy,
+            Some("mat") => Format::Mat,
+            Some("png") => Format::Eslf,
+            _ => Format::Directory,
+        }
+    }
 }
 
 impl FromStr for Format {
@@ -141,7 +160,9 @@ impl FromStr for Format {
         match text {
             "dir" | "directory" => Ok(Format::Directory),
             "npy" => Ok(Format::Npy),
-            _ => Err(Error::Parameter(format!("unknown light field format `{text}`: dir or npy"))),
+            "mat" => Ok(Format::Mat),
+            "eslf" => Ok(Format::Eslf),
+            _ => Err(Error::Parameter(format!("unknown light field format `{text}`: dir, npy, mat or eslf"))),
         }
     }
 }
@@ -151,6 +172,8 @@ impl std::fmt::Display for Format {
         f.write_str(match self {
             Format::Directory => "dir",
             Format::Npy => "npy",
+            Format::Mat => "mat",
+            Format::Eslf => "eslf",
         })
     }
 }
@@ -175,23 +198,37 @@ pub fn create(path: &Path, meta: Meta, format: Format, force: bool) -> Result<Bo
     Ok(match format {
         Format::Directory => Box::new(directory::Writer::create(path, meta, force)?),
         Format::Npy => Box::new(npy::Writer::create(path, meta, force)?),
+        Format::Mat => Box::new(mat::Writer::create(path, meta, force)?),
+        Format::Eslf => Box::new(eslf::Writer::create(path, meta, force)?),
     })
 }
 
-/// Opens a light field: our directory, a .npy of 2 to 5 dimensions, or a single image as a light field of one view.
+/// Opens a light field: our directory, a folder of numbered pictures, a .npy of 2 to 5 dimensions, a MATLAB file, a
+/// lenslet picture (with `options.views`), or a single picture as a light field of one view.
 ///
 /// # Errors
 /// When nothing readable is there, or its parts contradict each other.
 pub fn open(path: &Path, options: &ReadOptions) -> Result<Box<dyn ViewSource>, Error> {
     let what = std::fs::metadata(path).map_err(io_at(path))?;
     if what.is_dir() {
-        return Ok(Box::new(directory::Reader::open(path)?));
+        return Ok(if path.join(directory::DESCRIPTION).exists() {
+            Box::new(directory::Reader::open(path)?)
+        } else {
+            Box::new(numbered::Reader::open(path, options)?)
+        });
     }
     let head = head(path)?;
     if head.starts_with(npy::MAGIC) {
         return Ok(Box::new(npy::Reader::open(path, options)?));
     }
-    Ok(Box::new(image_file::Single::open(path, options)?))
+    mat::refuse_level_73(path, &head)?;
+    if head.starts_with(mat::MAGIC) {
+        return Ok(Box::new(mat::Reader::open(path, options)?));
+    }
+    Ok(match options.views {
+        Some(views) => Box::new(eslf::Reader::open(path, views, options)?),
+        None => Box::new(image_file::Single::open(path, options)?),
+    })
 }
 
 /// Reads a whole light field into memory.

@@ -9,7 +9,6 @@ pub(super) struct Number {
 
 /// What a stored number is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[allow(dead_code)] // signed and 32-bit kinds come with .mat
 pub(super) enum Kind {
     U8,
     I8,

@@ -30,6 +30,11 @@ pub(super) struct Strided {
 }
 
 impl Strided {
+    /// Takes numbers already in memory.
+    pub(super) fn new(bytes: Vec<u8>, layout: Layout) -> Self {
+        Strided { bytes, layout }
+    }
+
     /// Reads `count` numbers from `start` of a file; the caller has compared them with its length.
     pub(super) fn read(path: &Path, start: u64, count: u64, layout: Layout) -> Result<Self, Error> {
         let length = count * layout.number.kind.bytes() as u64;

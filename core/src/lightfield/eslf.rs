@@ -1,0 +1,102 @@
+//! Lenslet pictures (ESLF): the views interleaved, pixel (t, s) of view (v, u) at row `t·V + v`, column `s·U + u`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use ndarray::Array3;
+
+use super::image_file;
+use super::strided::{Layout, Strided};
+use super::{ColourSpace, Error, Meta, ReadOptions, ViewSink, ViewSource, io_at, malformed, unsupported};
+use crate::output::Pending;
+
+/// Most values of such a picture; 2 GiB at 16 bits.
+const MAX_VALUES: usize = 1 << 30;
+
+/// Reads a lenslet picture, kept in memory as stored.
+pub(super) struct Reader {
+    path: PathBuf,
+    meta: Meta,
+    block: Strided,
+}
+
+impl Reader {
+    pub(super) fn open(path: &Path, views: [usize; 2], options: &ReadOptions) -> Result<Self, Error> {
+        let shape = image_file::shape_within(path, MAX_VALUES)?;
+        let [rows, columns] = views;
+        // What does not fill a lenslet at the right and bottom edge is left out.
+        let size = [shape.height / rows.max(1), shape.width / columns.max(1)];
+        let colour = options.colour.unwrap_or(ColourSpace::Srgb);
+        let meta = Meta::new(views, size, shape.channels, colour);
+        meta.check().map_err(|e| malformed(path, format!("no lenslet picture of {rows}x{columns} views: {e}")))?;
+        let (bytes, number, channels) = image_file::read_stored(path, MAX_VALUES)?;
+        let line = shape.width * channels;
+        let layout = Layout {
+            strides: [line, channels, rows * line, columns * channels, 1],
+            number,
+            scale: number.kind.full_scale().unwrap_or(1.0),
+        };
+        Ok(Reader { path: path.to_path_buf(), meta, block: Strided::new(bytes, layout) })
+    }
+}
+
+impl ViewSource for Reader {
+    fn meta(&self) -> &Meta {
+        &self.meta
+    }
+
+    fn read(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {
+        super::check_place(&self.meta, v, u)?;
+        super::finite(&self.path, v, u, self.block.view(v, u, self.meta.view_shape()))
+    }
+}
+
+/// Writes a lenslet picture, 16 bit; its pixels stay in memory until it is finished.
+pub(super) struct Writer {
+    meta: Meta,
+    written: Vec<bool>,
+    samples: Vec<u8>,
+    pending: Pending,
+}
+
+impl Writer {
+    pub(super) fn create(path: &Path, meta: Meta, force: bool) -> Result<Self, Error> {
+        let values = meta.views[0] * meta.views[1] * meta.size[0] * meta.size[1];
+        let (height, width) = (meta.views[0] * meta.size[0], meta.views[1] * meta.size[1]);
+        if values > MAX_VALUES / 4 || height > super::MAX_SIDE || width > super::MAX_SIDE {
+            return Err(unsupported(path, format!("a lenslet picture of {width}x{height} pixels is too large")));
+        }
+        let pending = Pending::file(path, force)?;
+        let samples = vec![0; values * meta.channels * 2];
+        Ok(Writer { written: vec![false; meta.views[0] * meta.views[1]], meta, samples, pending })
+    }
+}
+
+impl ViewSink for Writer {
+    fn write(&mut self, v: usize, u: usize, view: &Array3<f32>) -> Result<(), Error> {
+        self.meta.check_view(v, u, view)?;
+        let [rows, columns] = self.meta.views;
+        let (height, width, channels) = view.dim();
+        let pixel = 2 * channels;
+        let line = width * columns * pixel;
+        let stored = image_file::to_sixteen_bits(view);
+        for t in 0..height {
+            let target = &mut self.samples[(t * rows + v) * line..][..line];
+            let source = &stored[t * width * pixel..][..width * pixel];
+            for (to, from) in target.chunks_exact_mut(columns * pixel).zip(source.chunks_exact(pixel)) {
+                to[u * pixel..(u + 1) * pixel].copy_from_slice(from);
+            }
+        }
+        self.written[v * columns + u] = true;
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<(), Error> {
+        super::all_written(&self.written, self.meta.views[1])?;
+        let (height, width) = (self.meta.views[0] * self.meta.size[0], self.meta.views[1] * self.meta.size[1]);
+        let path = self.pending.path();
+        let png = image_file::encode_png(&self.samples, width, height, self.meta.channels, path)?;
+        fs::write(path, png).map_err(io_at(path))?;
+        Ok(self.pending.commit()?)
+    }
+}

@@ -1,0 +1,376 @@
+//! MATLAB files, level 5 (MathWorks, "MAT-File Format"): the light field is an array of 4 or 5 dimensions
+//! (v, u, t, s[, c]) in column-major order, plain or compressed; a fourth channel is a weight and is left out.
+//!
+//! LFToolbox writes `LF` so (uint16, 65535 = 1, weight last); the networks of the BasicLFSR family read `LF` so (0..1).
+
+use std::fs::File;
+use std::io::{BufReader, BufWriter, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use flate2::read::ZlibDecoder;
+use ndarray::Array3;
+
+use super::number::{Kind, Number};
+use super::strided::{Layout, Strided};
+use super::{ColourSpace, Error, Meta, ReadOptions, ViewSink, ViewSource, io_at, malformed, unsupported};
+use crate::output::Pending;
+
+/// First bytes of a level 5 file.
+pub(super) const MAGIC: &[u8] = b"MATLAB 5.0 MAT-file";
+/// First bytes of a level 7.3 file, which is HDF5 behind the same kind of header.
+const MAGIC_73: &[u8] = b"MATLAB 7.3 MAT-file";
+const MAGIC_HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
+const HEADER: u64 = 128;
+/// Most variables looked at, dimensions of an array, bytes of a name.
+const MAX_VARIABLES: usize = 10_000;
+const MAX_DIMENSIONS: usize = 32;
+const MAX_NAME: u64 = 256;
+/// Largest array read or written, bytes; level 5 itself ends at 2 GiB.
+const MAX_ARRAY: u64 = (1 << 31) - 4096;
+
+const MI_MATRIX: u32 = 14;
+const MI_COMPRESSED: u32 = 15;
+const MI_INT8: u32 = 1;
+const MI_INT32: u32 = 5;
+const MI_UINT32: u32 = 6;
+const MI_SINGLE: u32 = 7;
+const CLASS_SINGLE: u8 = 7;
+const COMPLEX: u8 = 0x08;
+
+/// Refuses, with the way out, what [`Reader`] cannot read although it is a MATLAB file. `head`: the first bytes.
+pub(super) fn refuse_level_73(path: &Path, head: &[u8]) -> Result<(), Error> {
+    let hdf5 = head.starts_with(MAGIC_HDF5) || head.get(512..).is_some_and(|h| h.starts_with(MAGIC_HDF5));
+    if hdf5 || head.starts_with(MAGIC_73) {
+        let reason = "a MATLAB 7.3 (HDF5) file; save it in MATLAB with save(FILE, 'LF', '-v7'), or in Python with \
+                      numpy.save('LF.npy', h5py.File(FILE)['LF'][()].T)";
+        return Err(unsupported(path, reason));
+    }
+    Ok(())
+}
+
+/// An array's description, read from the head of its element.
+#[derive(Debug, Clone)]
+struct Array {
+    name: String,
+    class: u8,
+    complex: bool,
+    dims: Vec<u64>,
+    stored: Number,
+    bytes: u64,
+}
+
+/// Where an element stands in the file.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    start: u64,
+    length: u64,
+    compressed: bool,
+}
+
+/// Reads the light field of a MATLAB file, kept in memory as stored.
+pub(super) struct Reader {
+    path: PathBuf,
+    meta: Meta,
+    block: Strided,
+}
+
+impl Reader {
+    pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Self, Error> {
+        let mut file = File::open(path).map_err(io_at(path))?;
+        let length = file.metadata().map_err(io_at(path))?.len();
+        let big = endian(&mut file, path)?;
+        let (place, array) = find(&mut file, path, length, big)?;
+        let bad = |what: String| unsupported(path, format!("variable {}: {what}", array.name));
+        if array.complex {
+            return Err(bad("complex numbers".into()));
+        }
+        let Some(scale) = full_scale(array.class) else {
+            return Err(bad("its numbers are of a type with no agreed meaning; save it as single or uint16".into()));
+        };
+        let side = |i: usize| usize::try_from(array.dims.get(i).copied().unwrap_or(1)).unwrap_or(usize::MAX);
+        let stored = side(4);
+        if array.dims.len() > 5 || !matches!(stored, 1 | 3 | 4) {
+            return Err(bad(format!("shape {:?} is not (v, u, t, s, c) with c = 1, 3 or 4", array.dims)));
+        }
+        let colour = options.colour.unwrap_or(ColourSpace::Srgb);
+        let channels = if stored == 4 { 3 } else { stored };
+        let meta = Meta::new([side(0), side(1)], [side(2), side(3)], channels, colour);
+        meta.check().map_err(|e| bad(e.to_string()))?;
+        // Meta::check bounds every factor, so the products stay far below 2^64.
+        let mut strides = [1; 5];
+        for i in 1..5 {
+            strides[i] = strides[i - 1] * side(i - 1);
+        }
+        let values = (strides[4] * stored) as u64;
+        let expected = values * array.stored.kind.bytes() as u64;
+        if array.bytes != expected {
+            return Err(malformed(
+                path,
+                format!("variable {} has {} bytes, its shape asks for {expected}", array.name, array.bytes),
+            ));
+        }
+        if expected > MAX_ARRAY {
+            return Err(bad(format!("{} MiB are too many", expected >> 20)));
+        }
+        let bytes = data(&mut file, path, place, big, expected)?;
+        let block = Strided::new(bytes, Layout { strides, number: array.stored, scale });
+        Ok(Reader { path: path.to_path_buf(), meta, block })
+    }
+}
+
+impl ViewSource for Reader {
+    fn meta(&self) -> &Meta {
+        &self.meta
+    }
+
+    fn read(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {
+        super::check_place(&self.meta, v, u)?;
+        super::finite(&self.path, v, u, self.block.view(v, u, self.meta.view_shape()))
+    }
+}
+
+/// Checks the file's header; true for big-endian numbers.
+fn endian(file: &mut File, path: &Path) -> Result<bool, Error> {
+    let mut header = [0; HEADER as usize];
+    file.read_exact(&mut header).map_err(|_| malformed(path, "ends within its header"))?;
+    match &header[126..] {
+        b"IM" => Ok(false),
+        b"MI" => Ok(true),
+        _ => Err(malformed(path, "no byte order in the header of this MATLAB file")),
+    }
+}
+
+/// Finds the light field: the variable `LF`, or else the only array of 4 or 5 dimensions.
+fn find(file: &mut File, path: &Path, length: u64, big: bool) -> Result<(Place, Array), Error> {
+    let mut at = HEADER;
+    let mut candidates: Vec<(Place, Array)> = Vec::new();
+    let mut seen = Vec::new();
+    for _ in 0..MAX_VARIABLES {
+        if at + 8 > length {
+            break;
+        }
+        file.seek(SeekFrom::Start(at)).map_err(io_at(path))?;
+        let (kind, size) = tag(file, big).map_err(|_| malformed(path, "ends within a variable"))?;
+        let start = at + 8;
+        if size > length - start {
+            let reason = format!("ends early: {length} bytes, a variable at {at} promises {size} more");
+            return Err(malformed(path, reason));
+        }
+        at = start + size;
+        let place = Place { start, length: size, compressed: kind == MI_COMPRESSED };
+        if kind != MI_MATRIX && kind != MI_COMPRESSED {
+            continue;
+        }
+        // An array we cannot describe (a cell, a structure, text) is not the light field.
+        if let Ok(array) = describe(file, place, big) {
+            seen.push(array.name.clone());
+            let named = array.name == "LF";
+            if named || (array.dims.len() >= 4 && array.dims.len() <= 5) {
+                if named {
+                    candidates.clear();
+                }
+                candidates.push((place, array));
+                if named {
+                    break;
+                }
+            }
+        }
+    }
+    let mut candidates = candidates.into_iter();
+    match (candidates.next(), candidates.next()) {
+        (Some(only), None) => Ok(only),
+        (Some(first), Some(second)) => {
+            let (a, b) = (first.1.name, second.1.name);
+            Err(unsupported(path, format!("both {a} and {b} could be the light field; name the right one LF")))
+        }
+        _ => {
+            seen.truncate(10);
+            let reason = format!("no variable LF (v, u, t, s, c) in it; there is: {}", seen.join(", "));
+            Err(unsupported(path, reason))
+        }
+    }
+}
+
+/// Reads an element's description, up to the start of its numbers.
+fn describe(file: &mut File, place: Place, big: bool) -> std::io::Result<Array> {
+    let raw = BufReader::new(file.take(place.length));
+    if place.compressed {
+        let mut inside = ZlibDecoder::new(raw);
+        let (kind, size) = tag(&mut inside, big)?;
+        if kind != MI_MATRIX {
+            return Err(std::io::ErrorKind::InvalidData.into());
+        }
+        head(&mut inside.take(size), big)
+    } else {
+        head(&mut { raw }, big)
+    }
+}
+
+/// Reads the numbers of the array at `place`: `count` bytes, which the caller has bounded.
+fn data(file: &mut File, path: &Path, place: Place, big: bool, count: u64) -> Result<Vec<u8>, Error> {
+    let short = |_| malformed(path, "the numbers of its light field end early or are damaged");
+    file.seek(SeekFrom::Start(place.start)).map_err(io_at(path))?;
+    let raw = BufReader::new(file.take(place.length));
+    let mut inside: Box<dyn Read + '_> = if place.compressed {
+        let mut inside = ZlibDecoder::new(raw);
+        tag(&mut inside, big).map_err(short)?;
+        Box::new(inside)
+    } else {
+        Box::new(raw)
+    };
+    head(&mut inside, big).map_err(short)?;
+    // Grows with what is really there, not with what is promised.
+    let mut bytes = Vec::new();
+    inside.take(count).read_to_end(&mut bytes).map_err(short)?;
+    if bytes.len() as u64 == count {
+        Ok(bytes)
+    } else {
+        Err(malformed(path, "the numbers of its light field end early"))
+    }
+}
+
+fn word(from: &mut dyn Read, big: bool) -> std::io::Result<u32> {
+    let mut b = [0; 4];
+    from.read_exact(&mut b)?;
+    Ok(if big { u32::from_be_bytes(b) } else { u32::from_le_bytes(b) })
+}
+
+/// A tag of the long form: what follows, and its length in bytes.
+fn tag(from: &mut dyn Read, big: bool) -> std::io::Result<(u32, u64)> {
+    Ok((word(from, big)?, u64::from(word(from, big)?)))
+}
+
+/// A small sub-element of either form: its content without padding.
+fn small(from: &mut dyn Read, big: bool, most: u64) -> std::io::Result<Vec<u8>> {
+    let bad = || std::io::Error::from(std::io::ErrorKind::InvalidData);
+    let first = word(from, big)?;
+    let (length, space) = match first >> 16 {
+        0 => {
+            let length = u64::from(word(from, big)?);
+            (length, length.next_multiple_of(8))
+        }
+        length @ 1..=4 => (u64::from(length), 4),
+        _ => return Err(bad()),
+    };
+    if length > most {
+        return Err(bad());
+    }
+    let mut bytes = vec![0; space as usize];
+    from.read_exact(&mut bytes)?;
+    bytes.truncate(length as usize);
+    Ok(bytes)
+}
+
+/// An array's flags, dimensions and name, and the tag of its numbers; leaves `from` where they start.
+fn head(from: &mut dyn Read, big: bool) -> std::io::Result<Array> {
+    let bad = || std::io::Error::from(std::io::ErrorKind::InvalidData);
+    let int = Number { kind: Kind::U32, big_endian: big };
+    let flags = int.read(small(from, big, 8)?.get(..4).ok_or_else(bad)?) as u32;
+    let dims = small(from, big, 4 * MAX_DIMENSIONS as u64)?;
+    let dims: Vec<u64> = dims.chunks_exact(4).map(|d| int.read(d) as u64).collect();
+    let name = String::from_utf8_lossy(&small(from, big, MAX_NAME)?).into_owned();
+    let first = word(from, big)?;
+    // A short form would hold at most one number of a light field; its four bytes are the data that follow.
+    let (kind, bytes) = match first >> 16 {
+        0 => (first, u64::from(word(from, big)?)),
+        length => (first & 0xffff, u64::from(length)),
+    };
+    let kind = match kind {
+        1 => Kind::I8,
+        2 => Kind::U8,
+        3 => Kind::I16,
+        4 => Kind::U16,
+        5 => Kind::I32,
+        6 => Kind::U32,
+        7 => Kind::F32,
+        9 => Kind::F64,
+        _ => return Err(bad()),
+    };
+    let stored = Number { kind, big_endian: big };
+    Ok(Array { name, class: flags as u8, complex: (flags >> 8) as u8 & COMPLEX != 0, dims, stored, bytes })
+}
+
+/// The value that stands for 1.0 in an array of this class. MATLAB may store its numbers in a smaller type.
+fn full_scale(class: u8) -> Option<f32> {
+    match class {
+        6 | CLASS_SINGLE => Some(1.0),
+        9 => Some(255.0),
+        11 => Some(65535.0),
+        _ => None,
+    }
+}
+
+/// Writes a MATLAB file with the variable `LF` (v, u, t, s, c), single, uncompressed; it stays in memory until finished.
+pub(super) struct Writer {
+    meta: Meta,
+    written: Vec<bool>,
+    /// Column-major: v runs fastest.
+    values: Vec<f32>,
+    pending: Pending,
+}
+
+impl Writer {
+    pub(super) fn create(path: &Path, meta: Meta, force: bool) -> Result<Self, Error> {
+        let (t, s, c) = meta.view_shape();
+        let views = meta.views[0] * meta.views[1];
+        let bytes = views as u64 * (t * s * c) as u64 * 4;
+        if bytes > MAX_ARRAY {
+            let reason = format!("{} MiB, but a MATLAB file of level 5 holds at most 2 GiB; write .npy", bytes >> 20);
+            return Err(unsupported(path, reason));
+        }
+        let pending = Pending::file(path, force)?;
+        Ok(Writer { written: vec![false; views], values: vec![0.0; views * t * s * c], meta, pending })
+    }
+}
+
+impl ViewSink for Writer {
+    fn write(&mut self, v: usize, u: usize, view: &Array3<f32>) -> Result<(), Error> {
+        self.meta.check_view(v, u, view)?;
+        let [rows, columns] = self.meta.views;
+        let (t, s, _) = view.dim();
+        let [step_t, step_s] = [rows * columns, rows * columns * t];
+        for ((i, j, k), &x) in view.indexed_iter() {
+            self.values[v + u * rows + i * step_t + j * step_s + k * step_s * s] = x;
+        }
+        self.written[v * columns + u] = true;
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<(), Error> {
+        super::all_written(&self.written, self.meta.views[1])?;
+        let path = self.pending.path().to_path_buf();
+        let mut out = BufWriter::new(File::create(&path).map_err(io_at(&path))?);
+        out.write_all(&opening(&self.meta, self.values.len())).map_err(io_at(&path))?;
+        for x in &self.values {
+            out.write_all(&x.to_le_bytes()).map_err(io_at(&path))?;
+        }
+        if self.values.len() % 2 == 1 {
+            out.write_all(&[0; 4]).map_err(io_at(&path))?;
+        }
+        out.into_inner().map_err(|e| io_at(&path)(e.into_error()))?;
+        Ok(self.pending.commit()?)
+    }
+}
+
+/// Everything before the numbers: the file's header, the array's flags, dimensions and name.
+fn opening(meta: &Meta, values: usize) -> Vec<u8> {
+    let (t, s, c) = meta.view_shape();
+    let mut text = b"MATLAB 5.0 MAT-file, light field LF(v, u, t, s, c) written by lenslet".to_vec();
+    text.resize(124, b' ');
+    text.extend([0x00, 0x01, b'I', b'M']);
+    let words = |out: &mut Vec<u8>, words: &[u32]| out.extend(words.iter().flat_map(|w| w.to_le_bytes()));
+    let bytes = 4 * values as u32;
+    let padded = bytes.next_multiple_of(8);
+    // Flags 16, dimensions 8 + 20 + 4, name 8 (short form), tag of the numbers 8.
+    words(&mut text, &[MI_MATRIX, 16 + 32 + 8 + 8 + padded]);
+    words(&mut text, &[MI_UINT32, 8, u32::from(CLASS_SINGLE), 0]);
+    words(&mut text, &[MI_INT32, 20]);
+    for n in [meta.views[0], meta.views[1], t, s, c] {
+        words(&mut text, &[n as u32]);
+    }
+    words(&mut text, &[0]);
+    words(&mut text, &[(2 << 16) | MI_INT8]);
+    text.extend(b"LF\0\0");
+    words(&mut text, &[MI_SINGLE, bytes]);
+    text
+}
