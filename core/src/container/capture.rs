@@ -70,9 +70,12 @@ pub(super) fn assemble(
     Capture { mosaic: pixels, cfa, levels, colour, camera, mla, source_sha256: sha256, white: None, warnings }
 }
 
-/// The built-in profile for a camera's model name.
-pub(super) fn profile_of_model(model: &str) -> Option<Profile> {
-    profile::profiles().into_iter().find(|p| p.models.iter().any(|m| m.eq_ignore_ascii_case(model)))
+/// The built-in profile for a camera's model name, else for the length of its packed image.
+pub(super) fn profile_for(facts: &Frame, image_bytes: u64) -> Option<Profile> {
+    let known = profile::profiles();
+    let model = facts.camera.model.as_deref().unwrap_or_default();
+    let named = known.iter().find(|p| p.models.iter().any(|m| m.eq_ignore_ascii_case(model)));
+    named.or_else(|| known.iter().find(|p| p.raw_bytes().map(|n| n as u64) == Some(image_bytes))).cloned()
 }
 
 /// Says so when a profile's size is not the image's.

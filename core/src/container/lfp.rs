@@ -4,31 +4,39 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::capture::{assemble, profile_of_model, sha256_of};
+use super::capture::{assemble, profile_for, sha256_of};
 use super::metadata::{self, Frame};
 use super::packing::unpack;
-use super::profile::{self, Profile};
-use super::segments::Container;
+use super::profile::Profile;
+use super::segments::{Container, Segment};
 use super::{Capture, Error, RawMosaic, json, references};
 
-/// Reads the first frame of a container.
-pub(super) fn capture(container: &Container, profile: Option<&Profile>) -> Result<Capture, Error> {
+/// The first frame of a container, its pixels not yet read.
+pub(super) struct Located {
+    /// What is known of it.
+    pub facts: Frame,
+    /// The segment with its pixels.
+    pub image: Segment,
+    /// Its entry in the table of contents.
+    frame: Value,
+    warnings: Vec<String>,
+}
+
+/// Finds the first frame a container's table of contents names.
+pub(super) fn locate(container: &Container) -> Result<Located, Error> {
     let path = container.path();
     let mut warnings = container.warnings.clone();
     let contents = container.contents()?;
     let frame_of = |c| json::at(c, "picture.frameArray.0.frame").or_else(|| json::at(c, "frames.0.frame"));
     let Some((contents, frame)) = contents.iter().find_map(|c| Some((c, frame_of(c)?))) else {
         let files = contents.iter().find_map(|c| c.get("files")?.as_array());
-        return Err(match files {
-            Some(files) => Error::unsupported(
-                path,
-                format!(
-                    "a bundle of {} calibration files, not a capture; take them out with `lenslet extract`, or name it as the calibration folder",
-                    files.len()
-                ),
-            ),
-            None => Error::unsupported(path, "the container's table of contents names no frame"),
-        });
+        return Err(Error::unsupported(
+            path,
+            files.map_or("the container's table of contents names no frame".to_string(), |files| {
+                let n = files.len();
+                format!("a bundle of {n} calibration files, not a capture; take them out with `lenslet extract`")
+            }),
+        ));
     };
     warnings.extend(
         missing(container, contents)
@@ -36,71 +44,43 @@ pub(super) fn capture(container: &Container, profile: Option<&Profile>) -> Resul
             .filter(|m| !m.path.ends_with(".imageRef"))
             .map(|m| format!("{} ({}) is named by the file but is not in it", m.path, m.sha1)),
     );
-
     let private = document(container, frame, "privateMetadataRef", &mut warnings)?;
     let metadata = document(container, frame, "metadataRef", &mut warnings)?;
-    let (mut facts, more) = match metadata.as_ref() {
-        Some(m) => metadata::frame(m, private.as_ref()),
-        // Some programs keep the metadata in the table of contents itself.
-        None => metadata::frame(contents, private.as_ref()),
-    };
+    // Some programs keep the metadata in the table of contents itself.
+    let (mut facts, more) = metadata::frame(metadata.as_ref().unwrap_or(contents), private.as_ref());
     warnings.extend(more);
-    if let Some(white) = metadata::white_ref(contents) {
-        facts.camera.white_ref = Some(white);
-    }
+    facts.camera.white_ref = metadata::white_ref(contents).or(facts.camera.white_ref);
+    let (is_white, is_dark) = metadata::tags(contents);
+    facts.is_white = is_white.or(facts.is_white);
+    facts.is_dark = is_dark.or(facts.is_dark);
 
-    let Some(image_ref) = json::text(frame, "imageRef") else {
+    let Some(sha1) = json::text(frame, "imageRef") else {
         return Err(Error::malformed(path, "the frame names no image (imageRef)"));
     };
-    let Some(segment) = container.find(&image_ref) else {
+    let Some(image) = container.find(&sha1).cloned() else {
         let processed =
             contents.pointer("/picture/accelerationArray").and_then(Value::as_array).is_some_and(|a| !a.is_empty());
         let advice = if processed {
-            "; this is a processed file: the raw image lies in the .lfp of the same name without -stk or -dm (`lenslet extract` saves what is here)"
+            "; a processed file: the raw image lies in the .lfp of the same name without -stk or -dm (`lenslet extract` saves what is here)"
         } else {
             ""
         };
-        return Err(Error::Missing {
-            path: path.into(),
-            what: "imageRef".into(),
-            sha1: image_ref,
-            advice: advice.into(),
-        });
+        let (path, what, advice) = (path.to_path_buf(), "imageRef".to_string(), advice.to_string());
+        return Err(Error::Missing { path, what, sha1, advice });
     };
-    let (bytes, damaged) = container.checked(segment)?;
-    warnings.extend(damaged);
-
-    let guessed;
-    let profile = match (profile, facts.camera.model.as_deref().and_then(profile_of_model)) {
-        (Some(p), _) => Some(p),
-        (None, Some(p)) => {
-            guessed = p;
-            Some(&guessed)
-        }
-        (None, None) => {
-            guessed = match profile::profiles().into_iter().find(|p| p.raw_bytes() == Some(bytes.len())) {
-                Some(p) => p,
-                None => return finish(path, container, frame, facts, None, &bytes, warnings),
-            };
-            Some(&guessed)
-        }
-    };
-    finish(path, container, frame, facts, profile, &bytes, warnings)
+    Ok(Located { facts, image, frame: frame.clone(), warnings })
 }
 
-fn finish(
-    path: &Path,
-    container: &Container,
-    frame: &Value,
-    facts: Frame,
-    profile: Option<&Profile>,
-    bytes: &[u8],
-    mut warnings: Vec<String>,
-) -> Result<Capture, Error> {
-    let pixels = pixels(path, &facts, profile, bytes, &mut warnings)?;
-    let white = white(container, frame, &facts, profile, &mut warnings)?;
-    let sha256 = sha256_of(bytes);
-    let mut capture = assemble(pixels, facts, profile, sha256, warnings);
+/// Reads the first frame of a container.
+pub(super) fn capture(container: &Container, profile: Option<&Profile>) -> Result<Capture, Error> {
+    let Located { facts, image, frame, mut warnings } = locate(container)?;
+    let (bytes, damaged) = container.checked(&image)?;
+    warnings.extend(damaged);
+    let guessed = profile_for(&facts, image.length);
+    let profile = profile.or(guessed.as_ref());
+    let pixels = pixels(container.path(), &facts, profile, &bytes, &mut warnings)?;
+    let white = white(container, &frame, &facts, profile, &mut warnings)?;
+    let mut capture = assemble(pixels, facts, profile, container.sha256()?, warnings);
     capture.white = white.map(Box::new);
     Ok(capture)
 }
@@ -168,9 +148,6 @@ pub(super) fn pixels(
             "the metadata does not say how the image is stored; taken as {width}x{height} of {} bit",
             packing.bits()
         ));
-    }
-    if let (Some(p), Some(_)) = (profile, facts.size) {
-        warnings.extend(super::capture::size_warning(width, height, p));
     }
     let needed = width.checked_mul(height).and_then(|n| packing.bytes(n)).unwrap_or(usize::MAX);
     if bytes.len() > needed {

@@ -41,26 +41,25 @@ pub struct Frame {
 }
 
 /// The frame inside a `master.picture` document (white images), or the document itself.
-fn frame_nodes(root: &Value) -> (&Value, &Value, Option<&Value>) {
+fn frame_nodes(root: &Value) -> (&Value, &Value) {
     let image = |v: &Value| at(v, "image.width").is_some() || at(v, "image.color").is_some();
     if image(root) {
-        return (root, root, None);
+        return (root, root);
     }
     for prefix in ["master.picture.frameArray.0", "picture.frameArray.0", "frames.0"] {
-        if let Some(entry) = at(root, prefix)
-            && let Some(frame) = entry.get("frame")
-        {
+        if let Some(frame) = at(root, prefix).and_then(|entry| entry.get("frame")) {
             let metadata = frame.get("metadata").unwrap_or(frame);
-            return (metadata, frame.get("privateMetadata").unwrap_or(root), Some(entry));
+            return (metadata, frame.get("privateMetadata").unwrap_or(root));
         }
     }
-    (root, root, None)
+    (root, root)
 }
 
 /// Reads frame metadata; `private` is the document with the serial number, where that is another.
 /// Returns the facts and one line for each that made no sense.
 pub fn frame(root: &Value, private: Option<&Value>) -> (Frame, Vec<String>) {
-    let (m, own_private, entry) = frame_nodes(root);
+    let (m, own_private) = frame_nodes(root);
+    let (is_white, is_dark) = tags(root);
     let mut warnings = Vec::new();
     let mut drop = |what: &str, found: &dyn std::fmt::Debug| {
         warnings.push(format!("metadata: {what} makes no sense ({found:?}) and was ignored"))
@@ -130,11 +129,6 @@ pub fn frame(root: &Value, private: Option<&Value>) -> (Frame, Vec<String>) {
 
     let privates = [private, Some(own_private), Some(m), Some(root)];
     let first = |path: &str| privates.iter().flatten().find_map(|v| text(v, path));
-    let tags = entry
-        .and_then(|e| e.get("parameters"))
-        .and_then(|p| at(p, "vendorContent"))
-        .and_then(|v| v.get("com.lytro.tags"));
-    let tag = |key: &str| tags.and_then(|t| t.get(key)).and_then(Value::as_bool);
     let response = four(m, "devices.sensor.normalizedResponses.0").filter(|r| r.iter().all(|x| *x > 0.0 && *x < 100.0));
     let camera = CameraFacts {
         make: text(m, "camera.make"),
@@ -160,10 +154,19 @@ pub fn frame(root: &Value, private: Option<&Value>) -> (Frame, Vec<String>) {
         camera,
         mla,
         pixel_pitch,
-        is_white: tag("modulationFrame"),
-        is_dark: tag("darkFrame"),
+        is_white,
+        is_dark,
     };
     (frame, warnings)
+}
+
+/// Whether a picture document tags its frame as a white image (`modulationFrame`), as a dark one (`darkFrame`).
+pub fn tags(root: &Value) -> (Option<bool>, Option<bool>) {
+    let tags = ["picture.frameArray.0.parameters", "master.picture.frameArray.0.parameters", "frames.0.parameters"]
+        .iter()
+        .find_map(|p| at(root, p)?.get("vendorContent")?.get("com.lytro.tags"));
+    let tag = |key: &str| tags.and_then(|t| t.get(key)).and_then(Value::as_bool);
+    (tag("modulationFrame"), tag("darkFrame"))
 }
 
 /// The white image a picture document names: Illum by `geometryCorrectionRef`, else the first ancestor.

@@ -1,13 +1,15 @@
 //! Files of lenslet cameras: LFP/LFR containers, raw mosaics, metadata, camera profiles.
 //!
 //! [`open`] turns any capture file into a [`Capture`]; [`segments`] and [`references`] look inside a container,
-//! [`write_lfp`] makes one. The plain types below are what the rest of the toolkit sees of a capture.
+//! [`write_lfp`] makes one; [`whites`] finds the white image of a
+//! capture. The plain types below are what the rest of the toolkit sees of a capture.
 
 mod capture;
 mod error;
 mod file;
 pub mod json;
 mod lfp;
+pub mod members;
 pub mod metadata;
 mod mosaic;
 pub mod packing;
@@ -15,6 +17,7 @@ pub mod profile;
 mod raw;
 pub mod references;
 pub mod segments;
+pub mod whites;
 mod write;
 
 pub use capture::open;

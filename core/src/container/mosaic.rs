@@ -8,7 +8,7 @@ use std::path::Path;
 
 use image::{DynamicImage, ImageFormat, ImageReader, Limits};
 
-use super::capture::{assemble, sha256_of, size_warning};
+use super::capture::{assemble, profile_for, sha256_of, size_warning};
 use super::profile::{self, MAX_SIDE, Profile};
 use super::{Capture, Error, RawMosaic, raw};
 
@@ -27,7 +27,7 @@ pub(super) fn capture(path: &Path, bytes: &[u8], profile: Option<&Profile>) -> R
     let (pixels, bits) = decode(path, bytes)?;
     let mut warnings = Vec::new();
     let facts = raw::sidecar(path, &mut warnings).filter(|f| f.size.is_none_or(|s| s == (pixels.width, pixels.height)));
-    let guessed = facts.as_ref().and_then(|f| f.camera.model.as_deref()).and_then(super::capture::profile_of_model);
+    let guessed = facts.as_ref().and_then(|f| profile_for(f, 0));
     let mut hint = true;
     let profile = match (profile, guessed) {
         (Some(p), _) => {

@@ -1,8 +1,8 @@
 //! Packed sensor images without a container (MOD_0001.RAW): metadata from the .txt or .json beside, else from a profile.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use super::capture::{assemble, profile_of_model, sha256_of};
+use super::capture::{assemble, profile_for, sha256_of};
 use super::metadata::{self, Frame};
 use super::profile::{self, Profile};
 use super::{Capture, Error, file, json, lfp};
@@ -15,8 +15,7 @@ pub(super) fn capture(path: &Path, profile: Option<&Profile>) -> Result<Capture,
     let (_, length) = file::open(path)?;
     let mut warnings = Vec::new();
     let facts = sidecar(path, &mut warnings);
-    let by_size = || profile::profiles().into_iter().find(|p| p.raw_bytes().map(|n| n as u64) == Some(length));
-    let guessed = facts.as_ref().and_then(|f| f.camera.model.as_deref()).and_then(profile_of_model).or_else(by_size);
+    let guessed = profile_for(facts.as_ref().unwrap_or(&Frame::default()), length);
     if facts.is_none() && profile.is_none() && guessed.is_none() {
         let known: Vec<_> =
             profile::profiles().iter().filter_map(|p| Some(format!("{} {}", p.name, p.raw_bytes()?))).collect();
@@ -67,7 +66,7 @@ pub(super) fn sidecar(path: &Path, warnings: &mut Vec<String>) -> Option<Frame> 
     None
 }
 
-fn read_metadata(path: &PathBuf) -> Result<(Frame, Vec<String>), Error> {
+fn read_metadata(path: &Path) -> Result<(Frame, Vec<String>), Error> {
     let bytes = file::read(path, "metadata", json::MAX_TEXT as u64)?;
     let value = json::parse(&bytes).map_err(|e| Error::malformed(path, e))?;
     Ok(metadata::frame(&value, None))

@@ -9,6 +9,7 @@ use std::sync::Mutex;
 
 use serde_json::Value;
 use sha1::{Digest, Sha1};
+use sha2::Sha256;
 
 use super::{Error, json};
 
@@ -112,38 +113,24 @@ impl Container {
         let (mut position, mut end) = (16u64, 16u64);
         while position < length {
             let Some(mut segment) = header_at(&mut source, position, length).map_err(Error::io(path))? else {
-                // Not where it should be: the rest may be zeros, or the padding may be of another length.
-                match skip_zeros(&mut source, end, length).map_err(Error::io(path))? {
-                    None => break,
-                    Some(next)
-                        if next >= end
-                            && next != position
-                            && header_at(&mut source, next, length).map_err(Error::io(path))?.is_some() =>
-                    {
-                        warnings
-                            .push(format!("odd padding: a segment expected at byte {position} starts at byte {next}"));
-                        position = next;
-                        continue;
-                    }
-                    Some(next) => {
-                        if segments.is_empty() || length - next < HEADER {
-                            let what =
-                                if length - next < HEADER && mark_at(&mut source, next).map_err(Error::io(path))? {
-                                    format!("cut off: the file ends inside the segment header at byte {next}")
-                                } else {
-                                    format!("no segment at byte {next}")
-                                };
-                            if segments.is_empty() || what.starts_with("cut") {
-                                return Err(Error::malformed(path, what));
-                            }
-                        }
-                        warnings.push(format!(
-                            "{} bytes from byte {next} on are no segment and were left out",
-                            length - next
-                        ));
-                        break;
-                    }
+                // Not where it should be: only zeros may be left, or the padding may be of another length.
+                let Some(next) = skip_zeros(&mut source, end, length).map_err(Error::io(path))? else { break };
+                if next != position && header_at(&mut source, next, length).map_err(Error::io(path))?.is_some() {
+                    warnings.push(format!("odd padding: a segment expected at byte {position} starts at byte {next}"));
+                    position = next;
+                    continue;
                 }
+                if length - next < HEADER && mark_at(&mut source, next).map_err(Error::io(path))? {
+                    return Err(Error::malformed(
+                        path,
+                        format!("cut off: the file ends inside the segment header at byte {next}"),
+                    ));
+                }
+                if segments.is_empty() {
+                    return Err(Error::malformed(path, format!("no segment at byte {next}")));
+                }
+                warnings.push(format!("{} bytes from byte {next} on are no segment and were left out", length - next));
+                break;
             };
             let start = position + HEADER;
             if segment.length > length - start {
@@ -217,6 +204,25 @@ impl Container {
             format!("the segment at byte {} is damaged: it has {found}, not {}", segment.offset, segment.sha1)
         });
         Ok((bytes, warning))
+    }
+
+    /// sha256 of the whole file, in hexadecimal.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn sha256(&self) -> Result<String, Error> {
+        let mut source = self.source.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        source.seek(SeekFrom::Start(0)).map_err(Error::io(&self.path))?;
+        let mut hash = Sha256::new();
+        let mut buffer = vec![0u8; 1 << 20];
+        loop {
+            match source.read(&mut buffer) {
+                Ok(0) => return Ok(format!("{:x}", hash.finalize())),
+                Ok(n) => hash.update(&buffer[..n]),
+                Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
+                Err(e) => return Err(Error::io(&self.path)(e)),
+            }
+        }
     }
 
     /// Every table of contents, parsed, in file order.

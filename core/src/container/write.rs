@@ -59,12 +59,14 @@ fn segments(capture: &Capture) -> Result<Vec<(u8, Vec<u8>)>, Error> {
         "privateMetadataRef": reference(&private),
         "imageRef": reference(&image.1),
     });
+    // Only white images say how the sensor responds to white.
+    let is_white = capture.camera.normalized_response.is_some();
     let Some(white) = &capture.white else {
         let contents = json!({
             "picture": {
                 "frameArray": [{
                     "frame": frame,
-                    "parameters": {"vendorContent": {"com.lytro.tags": {"darkFrame": false, "modulationFrame": false}}},
+                    "parameters": {"vendorContent": {"com.lytro.tags": {"darkFrame": false, "modulationFrame": is_white}}},
                 }],
                 "viewArray": [],
                 "accelerationArray": [],
