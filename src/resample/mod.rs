@@ -6,6 +6,7 @@
 pub mod barycentric;
 pub mod bicubic;
 pub mod cubic;
+pub mod multiview;
 
 use std::fmt;
 use std::str::FromStr;
@@ -135,7 +136,8 @@ pub fn render(
             let prepared = cubic::prepare(samples, target)?;
             each_view(samples, sink, observer, &mut |values| cubic::view(&prepared, values))
         }
-        Method::Multiview | Method::Learned => {
+        Method::Multiview => multiview::render(samples, target, &multiview::Options::default(), sink, observer),
+        Method::Learned => {
             anyhow::bail!("the method {method} is not part of this build")
         }
     }

@@ -167,9 +167,9 @@ fn placed(grid: &[Vec<Plane>], at: (usize, usize)) -> Vec<sweep::Placed<'_>> {
     out
 }
 
-/// The hypotheses of a range: `step` pixels apart at the outermost view, at least 5, at most 256.
+/// The hypotheses of a range: `step` pixels apart at the outermost view, at least 5, at most 128.
 fn hypotheses(range: (f32, f32), step: f32, reach: f32) -> Vec<f32> {
-    let n = (((range.1 - range.0) * reach.max(1.0) / step).ceil() as usize).clamp(4, 255);
+    let n = (((range.1 - range.0) * reach.max(1.0) / step).ceil() as usize).clamp(4, 127);
     (0..=n).map(|k| range.0 + (range.1 - range.0) * k as f32 / n as f32).collect()
 }
 
@@ -395,19 +395,70 @@ mod tests {
         }
         out
     }
+
     #[test]
-    fn dbg() {
+    fn tensor_slopes_equal_the_planted_disparity() {
         for d in [0.83f32, -0.4] {
-            let g = scene(7, 96, 80, |_, _| d);
+            let grid = scene(7, 96, 80, |_, _| d);
             for shear in [d - 0.15, d, d + 0.15] {
-                let t = tensor::slopes(&g, (3, 3), shear, 1);
-                let e = inner_errors(&t.disparity, 96, 80, |_, _| d);
-                println!(
-                    "{d} {shear} mean {} rms {}",
-                    e.iter().sum::<f32>() / e.len() as f32,
-                    (e.iter().map(|x| x * x).sum::<f32>() / e.len() as f32).sqrt()
-                );
+                let found = tensor::slopes(&grid, (3, 3), shear, 1);
+                let errors = inner_errors(&found.disparity, 96, 80, |_, _| d);
+                let rms = (errors.iter().map(|e| e * e).sum::<f32>() / errors.len() as f32).sqrt();
+                assert!(rms < 0.02, "disparity {d} sheared by {shear}: rms {rms}");
             }
         }
+    }
+
+    fn share_within(found: &Disparity, truth: impl Fn(f32, f32) -> f32) -> f32 {
+        let (h, w) = found.disparity.dim();
+        let data: Vec<f32> = found.disparity.iter().copied().collect();
+        let errors = inner_errors(&data, w, h, truth);
+        errors.iter().filter(|e| e.abs() <= 0.07).count() as f32 / errors.len() as f32
+    }
+
+    #[test]
+    fn planes_and_slants_are_found() {
+        let plane = |_: f32, _: f32| -0.62f32;
+        let slant = |x: f32, y: f32| 0.3 + 0.006 * x - 0.003 * y;
+        let silent = lenslet_core::progress::Silent;
+        let found = estimate_planes(scene(7, 96, 80, plane), &Options::default(), &silent).unwrap();
+        assert!(share_within(&found, plane) > 0.99);
+        let found = estimate_planes(scene(7, 96, 80, slant), &Options::default(), &silent).unwrap();
+        assert!(share_within(&found, slant) > 0.97, "{}", share_within(&found, slant));
+    }
+
+    #[test]
+    fn turning_the_order_of_the_views_turns_the_sign() {
+        let silent = lenslet_core::progress::Silent;
+        let grid = scene(5, 72, 64, |x, _| 0.4 + 0.004 * x);
+        let turned: Vec<Vec<Plane>> = grid.iter().rev().map(|r| r.iter().rev().cloned().collect()).collect();
+        let a = estimate_planes(grid, &Options::default(), &silent).unwrap();
+        let b = estimate_planes(turned, &Options::default(), &silent).unwrap();
+        let far = a.disparity.iter().zip(&b.disparity).filter(|(x, y)| (*x + *y).abs() > 0.05).count();
+        assert!(far * 50 < a.disparity.len(), "{far} of {}", a.disparity.len());
+    }
+
+    #[test]
+    fn no_texture_no_confidence() {
+        let grid = vec![vec![Plane::filled(40, 40, 0.5); 3]; 3];
+        let found = estimate_planes(grid, &Options::default(), &lenslet_core::progress::Silent).unwrap();
+        assert!(found.confidence.iter().all(|&c| c < 0.01));
+        assert!(found.disparity.iter().all(|d| d.is_finite()));
+    }
+
+    #[test]
+    fn what_cannot_be_used_is_refused() {
+        let silent = lenslet_core::progress::Silent;
+        let grid = || vec![vec![Plane::filled(20, 20, 0.5); 2]; 2];
+        let refused = |o: Options| estimate_planes(grid(), &o, &silent).is_err();
+        assert!(refused(Options { range: Some((1.0, -1.0)), ..Options::default() }));
+        assert!(refused(Options { range: Some((f32::NAN, 1.0)), ..Options::default() }));
+        assert!(refused(Options { step: 0.0, ..Options::default() }));
+        assert!(refused(Options { reference: Some((2, 0)), ..Options::default() }));
+        assert!(estimate_planes(vec![vec![Plane::filled(20, 20, 0.5)]], &Options::default(), &silent).is_err());
+        let ragged = vec![vec![Plane::filled(20, 20, 0.5), Plane::filled(21, 20, 0.5)]];
+        assert!(estimate_planes(ragged, &Options::default(), &silent).is_err());
+        let tiny = vec![vec![Plane::filled(1, 1, 0.5); 2]];
+        assert!(estimate_planes(tiny, &Options::default(), &silent).is_ok());
     }
 }

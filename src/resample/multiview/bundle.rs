@@ -1,0 +1,202 @@
+//! All samples of all views, wherever they come from, and how one view alone would be interpolated.
+
+use anyhow::{Result, ensure};
+use lenslet_core::decode::HexSamples;
+use lenslet_core::lightfield::LightField;
+use lenslet_core::sampling::{Cubic, bicubic};
+use ndarray::{Array3, ArrayView1, ArrayView3, Axis, CowArray, Ix3};
+
+use super::super::Target;
+use crate::apps::disparity::{LUMINANCE, Plane};
+
+/// Samples of every view at common places, and the target they are to fill.
+pub struct Bundle<'a> {
+    rows: usize,
+    columns: usize,
+    /// Where the samples lie in their own view, pixels of the target.
+    pub(super) points: Vec<[f32; 2]>,
+    /// (views, samples, channels)
+    pub(super) values: CowArray<'a, f32, Ix3>,
+    pub(super) target: Target,
+    pub(super) kind: Kind,
+    /// Pixels of the target between neighbouring samples.
+    pub(super) pitch: f32,
+    base: Base,
+}
+
+/// Light as it is, or encoded for the screen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    Linear,
+    Encoded,
+}
+
+/// Interpolation of a single view.
+enum Base {
+    Mesh(Cubic),
+    Grid { width: usize, height: usize },
+}
+
+impl<'a> Bundle<'a> {
+    /// The samples of a decoded capture.
+    ///
+    /// # Errors
+    /// Samples whose shapes contradict each other, that cannot be triangulated, or that have other than 1 or 3 channels.
+    pub fn hexagonal(samples: &'a HexSamples, target: &Target) -> Result<Self> {
+        let n = samples.centres.len();
+        let (views, count, _) = samples.values.dim();
+        ensure!(
+            views == samples.views * samples.views && count == n,
+            "the samples contradict each other: {views} views of {count} values at {n} places"
+        );
+        let base = Base::Mesh(Cubic::new(&samples.centres, samples.sensor, (target.width, target.height))?);
+        let (fx, fy) = (target.width as f64 / samples.sensor.0 as f64, target.height as f64 / samples.sensor.1 as f64);
+        let points = samples
+            .centres
+            .iter()
+            .map(|c| [((c[0] + 0.5) * fx - 0.5) as f32, ((c[1] + 0.5) * fy - 0.5) as f32])
+            .collect();
+        let pitch = (super::super::pitch(samples) * fx) as f32;
+        Self::checked(
+            samples.views,
+            samples.views,
+            points,
+            samples.values.view().into(),
+            *target,
+            Kind::Linear,
+            pitch,
+            base,
+        )
+    }
+
+    /// The pixels of a decoded light field.
+    ///
+    /// # Errors
+    /// Light fields of other than 1 or 3 channels, empty ones.
+    pub fn rectangular(field: &'a LightField, target: &Target) -> Result<Self> {
+        let (rows, columns, height, width, channels) = field.data.dim();
+        ensure!(width > 0 && height > 0, "the views are empty");
+        let (fx, fy) = (target.width as f32 / width as f32, target.height as f32 / height as f32);
+        let points = (0..height)
+            .flat_map(|t| (0..width).map(move |s| [(s as f32 + 0.5) * fx - 0.5, (t as f32 + 0.5) * fy - 0.5]))
+            .collect();
+        let values = field.data.to_shape((rows * columns, height * width, channels))?;
+        let kind = match field.meta.colour {
+            lenslet_core::lightfield::ColourSpace::Linear => Kind::Linear,
+            lenslet_core::lightfield::ColourSpace::Srgb => Kind::Encoded,
+        };
+        Self::checked(rows, columns, points, values, *target, kind, fx, Base::Grid { width, height })
+    }
+
+    #[allow(clippy::too_many_arguments)] // both constructors meet here
+    fn checked(
+        rows: usize,
+        columns: usize,
+        points: Vec<[f32; 2]>,
+        values: CowArray<'a, f32, Ix3>,
+        target: Target,
+        kind: Kind,
+        pitch: f32,
+        base: Base,
+    ) -> Result<Self> {
+        let channels = values.len_of(Axis(2));
+        ensure!(channels == 1 || channels == 3, "multi-view refinement needs 1 or 3 channels, not {channels}");
+        ensure!(rows * columns >= 1 && !points.is_empty(), "there are no samples");
+        ensure!(
+            (1..=16384).contains(&target.width) && (1..=16384).contains(&target.height),
+            "views of {}x{} pixels are out of range: 1 to 16384 a side",
+            target.width,
+            target.height
+        );
+        Ok(Bundle { rows, columns, points, values, target, kind, pitch, base })
+    }
+
+    /// Rows and columns of views.
+    pub fn views(&self) -> (usize, usize) {
+        (self.rows, self.columns)
+    }
+
+    /// Channels, 1 or 3.
+    pub fn channels(&self) -> usize {
+        self.values.len_of(Axis(2))
+    }
+
+    /// Samples of a view.
+    pub(super) fn view(&self, v: usize, u: usize) -> ndarray::ArrayView2<'_, f32> {
+        self.values.index_axis(Axis(0), v * self.columns + u)
+    }
+
+    /// What one view alone gives, (t, s, c).
+    pub(super) fn single(&self, v: usize, u: usize) -> Result<Array3<f32>> {
+        let values = self.view(v, u);
+        match &self.base {
+            Base::Mesh(weights) => Ok(weights.apply(values)?),
+            Base::Grid { width, height } => {
+                let image = values.to_shape((*height, *width, self.channels()))?;
+                if (*width, *height) == (self.target.width, self.target.height) {
+                    return Ok(image.to_owned());
+                }
+                Ok(bicubic::resize(image.view(), self.target.width, self.target.height)?)
+            }
+        }
+    }
+
+    /// Brightness of every view, nearly evenly noisy, no longer than about `side`; and pixels of the target per pixel of these.
+    pub(super) fn brightness(&self, side: usize) -> Result<(Vec<Vec<Plane>>, f32)> {
+        let longer = self.target.width.max(self.target.height);
+        let (width, height) = if longer > side {
+            let f = side as f64 / longer as f64;
+            (
+                ((self.target.width as f64 * f).round() as usize).max(1),
+                ((self.target.height as f64 * f).round() as usize).max(1),
+            )
+        } else {
+            (self.target.width, self.target.height)
+        };
+        let table = match &self.base {
+            Base::Mesh(_) => {
+                let centres: Vec<[f64; 2]> = self.points.iter().map(|p| [f64::from(p[0]), f64::from(p[1])]).collect();
+                Some(Cubic::new(&centres, (self.target.width, self.target.height), (width, height))?)
+            }
+            Base::Grid { .. } => None,
+        };
+        let mut grid = Vec::with_capacity(self.rows);
+        for v in 0..self.rows {
+            let mut row = Vec::with_capacity(self.columns);
+            for u in 0..self.columns {
+                let light = Array3::from_shape_fn((1, self.points.len(), 1), |(_, k, _)| {
+                    self.judge(self.values.slice(ndarray::s![v * self.columns + u, k, ..]))
+                });
+                let plane = match (&table, &self.base) {
+                    (Some(table), _) => table.apply(light.index_axis(Axis(0), 0))?,
+                    (None, Base::Grid { width: w, height: h }) => {
+                        shrink(light.to_shape((*h, *w, 1))?.view(), width, height)?
+                    }
+                    (None, Base::Mesh(_)) => continue,
+                };
+                row.push(Plane { width, height, data: plane.into_raw_vec_and_offset().0 });
+            }
+            grid.push(row);
+        }
+        Ok((grid, self.target.width as f32 / width as f32))
+    }
+
+    /// Brightness of one sample as differences are judged: luminance, its square root where it is linear.
+    fn judge(&self, value: ArrayView1<f32>) -> f32 {
+        let y = if value.len() == 3 {
+            LUMINANCE[0] * value[0] + LUMINANCE[1] * value[1] + LUMINANCE[2] * value[2]
+        } else {
+            value[0]
+        };
+        let y = if y.is_finite() { y.max(0.0) } else { 0.0 };
+        if self.kind == Kind::Linear { y.sqrt() } else { y }
+    }
+}
+
+/// To a smaller or larger size; the same size stays untouched.
+fn shrink(image: ArrayView3<f32>, width: usize, height: usize) -> Result<Array3<f32>> {
+    if image.dim() == (height, width, image.dim().2) {
+        return Ok(image.to_owned());
+    }
+    Ok(bicubic::resize(image, width, height)?)
+}

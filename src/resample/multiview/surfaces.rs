@@ -1,0 +1,202 @@
+//! Disparity of every view: the middle view's, carried to where each view sees the surfaces, the nearest in front, gaps filled
+//! with what lies behind.
+
+use anyhow::{Result, ensure};
+use lenslet_core::progress::Observer;
+use ndarray::Array2;
+use rayon::prelude::*;
+
+use super::{Bundle, Options};
+use crate::apps::disparity::{self, Disparity, Plane};
+
+/// Disparity maps of all views on a common working grid.
+pub struct Surfaces {
+    pub(super) rows: usize,
+    pub(super) columns: usize,
+    /// One map a view, pixels of the target per view step.
+    pub(super) maps: Vec<Plane>,
+    /// Pixels of the target per pixel of the maps.
+    pub(super) scale: [f32; 2],
+    /// −1 where the nearer surface has the smaller disparity (the usual order of views), +1 where it has the larger.
+    pub front: f32,
+    /// What was found in the middle view, pixels of the target per view step, on the working grid.
+    pub middle: Disparity,
+}
+
+impl Surfaces {
+    /// Estimates the middle view's disparity, unless `options.known` gives it, and carries it to all views.
+    ///
+    /// # Errors
+    /// Options out of range, interruption.
+    pub fn estimate(bundle: &Bundle, options: &Options, observer: &dyn Observer) -> Result<Self> {
+        let (rows, columns) = bundle.views();
+        let (grid, scale) = bundle.brightness(options.disparity.side.clamp(16, 2048))?;
+        let middle = match &options.known {
+            Some(known) => {
+                ensure!(
+                    !known.is_empty() && known.iter().all(|d| d.is_finite()),
+                    "the known disparity has values that are not numbers"
+                );
+                Disparity { disparity: known.clone(), confidence: Array2::ones(known.dim()) }
+            }
+            None if rows * columns < 2 => {
+                let size = (grid[0][0].height, grid[0][0].width);
+                Disparity { disparity: Array2::zeros(size), confidence: Array2::zeros(size) }
+            }
+            None => {
+                let search = disparity::Options {
+                    range: options.disparity.range.map(|(a, b)| (a / scale, b / scale)),
+                    // Beyond a lenslet or so a view step there is nothing a lenslet camera could have seen.
+                    limit: (options.disparity.limit.max(1.25 * bundle.pitch) / scale).max(0.1),
+                    linear: false,
+                    reference: None,
+                    ..options.disparity.clone()
+                };
+                let mut found = disparity::estimate_planes(grid.clone(), &search, observer)?;
+                found.disparity *= scale;
+                found
+            }
+        };
+        ensure!(!observer.cancelled(), disparity::Error::Interrupted);
+        let size = (bundle.target.width, bundle.target.height);
+        let (height, width) = middle.disparity.dim();
+        let scale = [size.0 as f32 / width as f32, size.1 as f32 / height as f32];
+        let central = Plane { width, height, data: middle.disparity.iter().copied().collect() };
+        let front = front(&central, &grid, scale, (rows, columns));
+        let maps = (0..rows * columns)
+            .into_par_iter()
+            .map(|k| carry(&central, scale, step((rows, columns), k), front))
+            .collect();
+        Ok(Surfaces { rows, columns, maps, scale, front, middle })
+    }
+
+    /// Disparity of view `k` at (`x`, `y`) of the target: interpolated on a surface, the nearest value at its edge.
+    #[inline]
+    pub(super) fn at(&self, k: usize, x: f32, y: f32) -> f32 {
+        let map = &self.maps[k];
+        let mx = ((x + 0.5) / self.scale[0] - 0.5).clamp(0.0, (map.width - 1) as f32);
+        let my = ((y + 0.5) / self.scale[1] - 0.5).clamp(0.0, (map.height - 1) as f32);
+        let (x0, y0) = (mx as usize, my as usize);
+        let (x1, y1) = ((x0 + 1).min(map.width - 1), (y0 + 1).min(map.height - 1));
+        let (fx, fy) = (mx - x0 as f32, my - y0 as f32);
+        let q = [
+            map.data[y0 * map.width + x0],
+            map.data[y0 * map.width + x1],
+            map.data[y1 * map.width + x0],
+            map.data[y1 * map.width + x1],
+        ];
+        let lo = q[0].min(q[1]).min(q[2].min(q[3]));
+        let hi = q[0].max(q[1]).max(q[2].max(q[3]));
+        if hi - lo < EDGE {
+            let upper = q[0] + fx * (q[1] - q[0]);
+            let lower = q[2] + fx * (q[3] - q[2]);
+            upper + fy * (lower - upper)
+        } else {
+            q[2 * usize::from(fy > 0.5) + usize::from(fx > 0.5)]
+        }
+    }
+}
+
+/// Neighbouring disparities further apart than this lie on different surfaces (pixels of the target per view step).
+const EDGE: f32 = 0.15;
+
+/// Offset (u, v) of view `k` from the middle one.
+pub(super) fn step(views: (usize, usize), k: usize) -> [f32; 2] {
+    let (v, u) = (k / views.1, k % views.1);
+    [u as f32 - (views.1 / 2) as f32, v as f32 - (views.0 / 2) as f32]
+}
+
+/// The middle view's disparity as the view at offset `step` sees it.
+fn carry(central: &Plane, scale: [f32; 2], step: [f32; 2], front: f32) -> Plane {
+    if step == [0.0, 0.0] {
+        return central.clone();
+    }
+    let (w, h) = (central.width, central.height);
+    let mut out = Plane::filled(w, h, f32::NAN);
+    for t in 0..h {
+        for s in 0..w {
+            let d = central.data[t * w + s];
+            let (x, y) = (s as f32 + d * step[0] / scale[0], t as f32 + d * step[1] / scale[1]);
+            let (x0, y0) = (x.floor(), y.floor());
+            for (px, py) in [(x0, y0), (x0 + 1.0, y0), (x0, y0 + 1.0), (x0 + 1.0, y0 + 1.0)] {
+                // A pixel covers what is within 0.75 of it: no cracks in slanted surfaces, little overhang at edges.
+                if (px - x).abs() > 0.75
+                    || (py - y).abs() > 0.75
+                    || px < 0.0
+                    || py < 0.0
+                    || px >= w as f32
+                    || py >= h as f32
+                {
+                    continue;
+                }
+                let cell = &mut out.data[py as usize * w + px as usize];
+                if cell.is_nan() || front * d > front * *cell {
+                    *cell = d;
+                }
+            }
+        }
+    }
+    fill(&mut out, front);
+    out
+}
+
+/// Fills what no surface covered from its neighbours, the one furthest behind, ring by ring.
+fn fill(plane: &mut Plane, front: f32) {
+    let (w, h) = (plane.width, plane.height);
+    let mut empty: Vec<usize> = (0..w * h).filter(|&k| plane.data[k].is_nan()).collect();
+    while !empty.is_empty() {
+        let found: Vec<(usize, f32)> = empty
+            .iter()
+            .filter_map(|&k| {
+                let (s, t) = (k % w, k / w);
+                let mut best = f32::NAN;
+                for y in t.saturating_sub(1)..=(t + 1).min(h - 1) {
+                    for x in s.saturating_sub(1)..=(s + 1).min(w - 1) {
+                        let d = plane.data[y * w + x];
+                        if !d.is_nan() && (best.is_nan() || front * d < front * best) {
+                            best = d;
+                        }
+                    }
+                }
+                (!best.is_nan()).then_some((k, best))
+            })
+            .collect();
+        if found.is_empty() {
+            // Nothing anywhere: no surface at all.
+            for k in empty {
+                plane.data[k] = 0.0;
+            }
+            return;
+        }
+        for &(k, d) in &found {
+            plane.data[k] = d;
+        }
+        empty.retain(|&k| plane.data[k].is_nan());
+    }
+}
+
+/// Whether nearer surfaces have the smaller (−1) or the larger (+1) disparity: whichever explains the corner views better.
+/// Light fields whose views are numbered against the camera's movement have it the other way round.
+fn front(central: &Plane, grid: &[Vec<Plane>], scale: [f32; 2], views: (usize, usize)) -> f32 {
+    let (rows, columns) = views;
+    let reference = &grid[rows / 2][columns / 2];
+    let ratio = [reference.width as f32 / central.width as f32, reference.height as f32 / central.height as f32];
+    let mut error = [0f64; 2];
+    for (v, u) in [(0, 0), (0, columns - 1), (rows - 1, 0), (rows - 1, columns - 1)] {
+        let k = v * columns + u;
+        let offset = step(views, k);
+        for (sign, e) in [-1f32, 1.0].into_iter().zip(&mut error) {
+            let map = carry(central, scale, offset, sign);
+            for t in 0..map.height {
+                for s in 0..map.width {
+                    let d = map.data[t * map.width + s];
+                    let (x, y) = (s as f32 - d * offset[0] / scale[0], t as f32 - d * offset[1] / scale[1]);
+                    let place = |x: f32, y: f32| ((x + 0.5) * ratio[0] - 0.5, (y + 0.5) * ratio[1] - 0.5);
+                    let (a, b) = (place(x, y), place(s as f32, t as f32));
+                    *e += f64::from((reference.at(a.0, a.1) - grid[v][u].at(b.0, b.1)).abs());
+                }
+            }
+        }
+    }
+    if error[1] < 0.995 * error[0] { 1.0 } else { -1.0 }
+}
