@@ -1,24 +1,10 @@
-//! Colour: white balance, the camera's matrix, the sRGB curve.
+//! Colour: white balance and the camera's matrix. The sRGB curve is [`crate::lightfield::colour`].
 
 use ndarray::Array3;
 use rayon::prelude::*;
 
 use super::develop::Mosaic;
 use crate::container::Cfa;
-
-/// Linear light (0..1) to sRGB code values (0..1), IEC 61966-2-1. Values outside are cut.
-#[inline]
-pub fn srgb_encode(linear: f32) -> f32 {
-    let v = linear.clamp(0.0, 1.0);
-    if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
-}
-
-/// sRGB code values (0..1) to linear light (0..1). Values outside are cut.
-#[inline]
-pub fn srgb_decode(code: f32) -> f32 {
-    let v = code.clamp(0.0, 1.0);
-    if v <= 0.040_45 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
-}
 
 /// Multiplies every colour of `values` (…, …, 3) by `matrix` (row-major, rows = output R, G, B).
 pub fn apply_matrix(values: &mut Array3<f32>, matrix: &[f32; 9]) {
@@ -86,17 +72,6 @@ pub fn estimate_gains(mosaic: &Mosaic, cfa: Cfa) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_curve_and_its_inverse() {
-        assert!((srgb_encode(0.214_041_14) - 0.5).abs() < 1e-5);
-        for k in 0..=1000 {
-            let v = k as f32 / 1000.0;
-            assert!((srgb_decode(srgb_encode(v)) - v).abs() < 2e-6);
-        }
-        assert_eq!((srgb_encode(-1.0), srgb_decode(2.0)), (0.0, 1.0));
-        assert!((srgb_encode(2.0) - 1.0).abs() < 1e-6);
-    }
 
     #[test]
     fn the_matrix_is_applied_by_rows() {

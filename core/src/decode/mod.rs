@@ -6,6 +6,7 @@
 pub mod colour;
 mod demosaic;
 mod develop;
+pub mod npz;
 mod slice;
 
 use ndarray::Array3;

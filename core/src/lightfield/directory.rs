@@ -49,6 +49,10 @@ impl ViewSink for Writer {
         })
     }
 
+    fn folder(&self) -> Option<&Path> {
+        self.pending.as_ref().map(Pending::path)
+    }
+
     fn finish(mut self: Box<Self>) -> Result<(), Error> {
         self.queue.wait()?;
         super::all_written(&self.written, self.meta.views[1])?;
