@@ -1,12 +1,16 @@
 //! Exact active set on the Gram matrix: min ½‖y − Dᵀφ‖² + λ‖φ‖₁ by feature signs (after Lee et al., NIPS 2006).
 //!
-//! The support S with its signs θ holds φ_S = G_SS⁻¹(b_S − λθ). Each round scans c = b − G φ for the atom that violates
+//! The support S with its signs θ holds φ_S = G_SS⁻¹(b_S − λθ). Each round looks in c = b − G φ for the atom that violates
 //! |c| ≤ λ most, lets it in, and moves to the new minimum; where a coefficient would change sign on the way, the move
-//! stops there and the atom leaves. The inverse of G_SS is kept explicitly and updated by rank one. All in f32: what it
-//! gives is a candidate for the f64 certificate, and whoever calls falls back on the f64 solver where that fails.
+//! stops there and the atom leaves. The inverse of G_SS is kept explicitly and updated by rank one. Rounds look only at
+//! the few chunks of atoms that violated most when all were last looked at; when those are satisfied all are looked at
+//! again. All in f32: the result is a candidate for the f64 certificate; where that fails the f64 solver takes over.
 
 use super::prepared::Prepared;
 use super::simd::{Chunk, Lanes, flat, flat_mut};
+
+/// Most chunks of atoms that rounds look at.
+const MOST_NEAR: usize = 8;
 
 /// One signal's problem.
 pub(super) struct Task<'a> {
@@ -25,11 +29,11 @@ pub(super) enum End {
     Settled { outside: f32 },
     /// The cap on rounds.
     Cap,
-    /// Too ill-conditioned for f32.
+    /// The support is full.
     GaveUp,
 }
 
-/// Scratch of one thread; afterwards the code is in `support` and `values()`.
+/// Scratch of one signal; afterwards the code is in `support` and `values()`.
 pub(super) struct State {
     pub support: Vec<u32>,
     pub rounds: u32,
@@ -41,6 +45,14 @@ pub(super) struct State {
     signs: Vec<Chunk>,
     /// Rows of `wide` chunks; zero beyond the support.
     inverse: Vec<Chunk>,
+    /// The chunks of atoms that rounds look at.
+    near: [u32; MOST_NEAR],
+    /// Those chunks of the support's Gram rows, `W` a member.
+    near_rows: Vec<Chunk>,
+    /// Whether `near` belongs to this signal.
+    chosen: bool,
+    /// The largest condition of each chunk of atoms, when all were last looked at.
+    peaks: Vec<Chunk>,
     column: Vec<Chunk>,
     step: Vec<Chunk>,
     target: Vec<Chunk>,
@@ -57,6 +69,10 @@ impl State {
             phi: vec![Chunk::ZERO; wide],
             signs: vec![Chunk::ZERO; wide],
             inverse: vec![Chunk::ZERO; wide * wide * 16],
+            near: [0; MOST_NEAR],
+            near_rows: vec![Chunk::ZERO; wide * 16 * MOST_NEAR],
+            chosen: false,
+            peaks: vec![Chunk::ZERO; dictionary.width().div_ceil(16)],
             column: vec![Chunk::ZERO; wide],
             step: vec![Chunk::ZERO; wide],
             target: vec![Chunk::ZERO; wide],
@@ -84,8 +100,9 @@ impl State {
         }
     }
 
+    /// Ready for another signal.
     #[inline(always)]
-    fn clear(&mut self) {
+    pub fn clear(&mut self) {
         let used = self.support.len();
         let chunks = used.div_ceil(16);
         for row in self.inverse.chunks_exact_mut(self.wide).take(used) {
@@ -96,160 +113,286 @@ impl State {
         self.support.clear();
         self.held.clear();
         self.rounds = 0;
+        self.chosen = false;
     }
 }
 
-/// Solves one signal; `correlations` (D y, `dictionary.width()` chunks) is used up.
-#[inline(always)]
-pub(super) fn solve<S: Lanes>(lanes: S, task: &Task<'_>, correlations: &mut [Chunk], state: &mut State) -> End {
-    state.clear();
-    let width = task.dictionary.width();
-    let gram = task.dictionary.gram();
-    loop {
-        let (best, at, lane) = scan(lanes, correlations, gram, &state.support, flat(&state.phi), task.nonnegative);
-        if best <= task.threshold {
-            return End::Settled { outside: best };
-        }
-        if state.rounds >= task.max_rounds {
-            return End::Cap;
-        }
-        state.rounds += 1;
-        let j = at as usize * 16 + lane;
-        let n = state.support.len();
-        if n >= state.wide * 16 {
-            return End::GaveUp;
-        }
-        let chunks = n / 16 + 1;
-        // g = G[j, S], u = G_SS⁻¹ g.
-        let row = flat(&gram[j * width..(j + 1) * width]);
-        state.column[..chunks].fill(Chunk::ZERO);
-        for (g, &k) in flat_mut(&mut state.column).iter_mut().zip(&state.support) {
-            *g = row[k as usize];
-        }
-        let (mut fit, mut overlap) = (lanes.splat(0.0), lanes.splat(0.0));
-        for v in 0..chunks {
-            let (mut even, mut odd) = (lanes.splat(0.0), lanes.splat(0.0));
-            let column = &flat(&state.column)[..n];
-            let mut rows = state.inverse.chunks_exact(state.wide).zip(column);
-            while let Some((row, &g)) = rows.next() {
-                even = lanes.fma(lanes.splat(g), lanes.load(&row[v]), even);
-                if let Some((row, &g)) = rows.next() {
-                    odd = lanes.fma(lanes.splat(g), lanes.load(&row[v]), odd);
-                }
-            }
-            let u = lanes.add(even, odd);
-            lanes.store(&mut state.step[v], u);
-            let g = lanes.load(&state.column[v]);
-            fit = lanes.fma(g, lanes.load(&state.phi[v]), fit);
-            overlap = lanes.fma(g, u, overlap);
-        }
-        let own = flat(correlations)[j];
-        let pull = own - lanes.sum(fit);
-        let left = row[j] - lanes.sum(overlap);
-        if left < 1e-4 {
-            return End::GaveUp;
-        }
-        let sign = 1.0f32.copysign(pull);
-        let inverse_left = 1.0 / left;
-        let alpha = (pull - task.lambda * sign) * inverse_left;
-        if alpha * sign <= 0.0 {
-            return End::GaveUp;
-        }
-        // With u extended by −1 for the newcomer, everything below is one rank-one formula.
-        flat_mut(&mut state.step)[n] = -1.0;
-        flat_mut(&mut state.signs)[n] = sign;
-        state.support.push(j as u32);
-        state.held.push(own);
-        flat_mut(correlations)[j] = own - task.lambda * sign;
-        let mut flipped = false;
-        for v in 0..chunks {
-            let phi = lanes.fnma(lanes.splat(alpha), lanes.load(&state.step[v]), lanes.load(&state.phi[v]));
-            lanes.store(&mut state.target[v], phi);
-            flipped |= lanes.any_negative(lanes.mul(phi, lanes.load(&state.signs[v])));
-        }
-        for v in 0..chunks {
-            let u = lanes.load(&state.step[v]);
-            let steps = &flat(&state.step)[..n + 1];
-            for (row, &ui) in state.inverse.chunks_exact_mut(state.wide).zip(steps) {
-                let sum = lanes.fma(lanes.splat(ui * inverse_left), u, lanes.load(&row[v]));
-                lanes.store(&mut row[v], sum);
-            }
-        }
-        if flipped {
-            if !walk(lanes, state, correlations) {
-                return End::GaveUp;
-            }
-        } else {
-            state.phi[..chunks].copy_from_slice(&state.target[..chunks]);
-        }
-    }
+/// What the next move is.
+pub(super) enum Next {
+    /// An atom enters; see [`enter`].
+    Enter(Newcomer),
+    /// Over.
+    Over(End),
 }
 
-/// The largest |c| (or c) of c = b − Σ φ_i G_i, and its place: (value, chunk, lane).
+/// The atom that enters: lane `lane` of the near chunk at place `at`.
+#[derive(Clone, Copy)]
+pub(super) struct Newcomer {
+    atom: usize,
+    at: usize,
+    lane: usize,
+}
+
+/// Looks for the atom that violates its condition most. `correlations` are those of the signal less λθ on the support.
 #[inline(always)]
-fn scan<S: Lanes>(
+pub(super) fn look<S: Lanes, const W: usize>(
     lanes: S,
+    task: &Task<'_>,
     correlations: &[Chunk],
-    gram: &[Chunk],
-    support: &[u32],
-    phi: &[f32],
-    nonnegative: bool,
-) -> (f32, f32, usize) {
+    state: &mut State,
+) -> Next {
+    if state.chosen
+        && let Some(next) = look_near::<S, W>(lanes, task, correlations, state)
+    {
+        return next;
+    }
+    let outside = look_everywhere(lanes, task, correlations, state);
+    if outside <= task.threshold {
+        return Next::Over(End::Settled { outside });
+    }
+    choose::<S, W>(lanes, task, outside, state);
+    look_near::<S, W>(lanes, task, correlations, state).unwrap_or(Next::Over(End::GaveUp))
+}
+
+/// The same among the near chunks; none when all there are satisfied.
+#[inline(always)]
+fn look_near<S: Lanes, const W: usize>(
+    lanes: S,
+    task: &Task<'_>,
+    correlations: &[Chunk],
+    state: &State,
+) -> Option<Next> {
+    let mut c = [lanes.splat(0.0); W];
+    for (c, &chunk) in c.iter_mut().zip(&state.near) {
+        *c = lanes.load(&correlations[chunk as usize]);
+    }
+    for (row, &value) in state.near_rows.chunks_exact(W).zip(state.values()) {
+        let value = lanes.splat(value);
+        for i in 0..W {
+            c[i] = lanes.fnma(value, lanes.load(&row[i]), c[i]);
+        }
+    }
     let mut best = (lanes.splat(-1.0), lanes.splat(0.0));
-    let width = correlations.len();
+    for (i, &c) in c.iter().enumerate() {
+        let size = if task.nonnegative { c } else { lanes.abs(c) };
+        best = lanes.keep_larger(best, size, lanes.splat(i as f32));
+    }
+    let (value, at, lane) = lanes.largest(best);
+    if value <= task.threshold {
+        return None;
+    }
+    if state.rounds >= task.max_rounds {
+        return Some(Next::Over(End::Cap));
+    }
+    if state.support.len() >= state.wide * 16 {
+        return Some(Next::Over(End::GaveUp));
+    }
+    let at = at as usize;
+    let newcomer = Newcomer { atom: state.near[at] as usize * 16 + lane, at, lane };
+    let width = task.dictionary.width();
+    let row = &task.dictionary.gram()[newcomer.atom * width..][..width];
+    for &chunk in &state.near[..W] {
+        lanes.prefetch(&row[chunk as usize]);
+    }
+    Some(Next::Enter(newcomer))
+}
+
+/// The largest |c| (or c) over all atoms; that of each chunk goes into `state.peaks`.
+#[inline(always)]
+fn look_everywhere<S: Lanes>(lanes: S, task: &Task<'_>, correlations: &[Chunk], state: &mut State) -> f32 {
     let mut from = 0;
     if S::WIDE {
-        while from + 8 <= width {
-            best = scan_part::<S, 8>(lanes, correlations, gram, from, support, phi, nonnegative, best);
+        while from + 8 <= correlations.len() {
+            look_at_part::<S, 8>(lanes, task, correlations, from, state);
             from += 8;
         }
     }
-    while from + 4 <= width {
-        best = scan_part::<S, 4>(lanes, correlations, gram, from, support, phi, nonnegative, best);
+    while from + 4 <= correlations.len() {
+        look_at_part::<S, 4>(lanes, task, correlations, from, state);
         from += 4;
     }
-    lanes.largest(best)
+    let mut most = (lanes.splat(0.0), lanes.splat(0.0));
+    for peaks in &state.peaks {
+        most = lanes.keep_larger(most, lanes.load(peaks), most.1);
+    }
+    lanes.largest(most).0
 }
 
 #[inline(always)]
-#[allow(clippy::too_many_arguments)]
-fn scan_part<S: Lanes, const B: usize>(
+fn look_at_part<S: Lanes, const B: usize>(
     lanes: S,
+    task: &Task<'_>,
     correlations: &[Chunk],
-    gram: &[Chunk],
     from: usize,
-    support: &[u32],
-    phi: &[f32],
-    nonnegative: bool,
-    mut best: (S::V, S::V),
-) -> (S::V, S::V) {
-    let width = correlations.len();
+    state: &mut State,
+) {
+    let (width, gram) = (correlations.len(), task.dictionary.gram());
     let own = &correlations[from..from + B];
-    let mut c: [S::V; B] = std::array::from_fn(|i| lanes.load(&own[i]));
-    for (&k, &value) in support.iter().zip(phi) {
+    let mut c = [lanes.splat(0.0); B];
+    for (c, own) in c.iter_mut().zip(own) {
+        *c = lanes.load(own);
+    }
+    for (&k, &value) in state.support.iter().zip(flat(&state.phi)) {
         let row = &gram[k as usize * width + from..][..B];
         let value = lanes.splat(value);
         for i in 0..B {
             c[i] = lanes.fnma(value, lanes.load(&row[i]), c[i]);
         }
     }
-    for (i, &c) in c.iter().enumerate() {
-        let size = if nonnegative { c } else { lanes.abs(c) };
-        best = lanes.keep_larger(best, size, lanes.splat((from + i) as f32));
+    let peaks = &mut flat_mut(&mut state.peaks)[from..from + B];
+    for (c, peaks) in c.chunks_exact(4).zip(peaks.chunks_exact_mut(4)) {
+        let mut sizes = [c[0], c[1], c[2], c[3]];
+        if !task.nonnegative {
+            for size in &mut sizes {
+                *size = lanes.abs(*size);
+            }
+        }
+        peaks.copy_from_slice(&lanes.largest_of_each(sizes));
     }
-    best
+}
+
+/// Makes (about) the `W` chunks with the highest peaks near; there is one above the threshold.
+#[inline(always)]
+fn choose<S: Lanes, const W: usize>(lanes: S, task: &Task<'_>, most: f32, state: &mut State) {
+    // A level that so many are above, by bisection; what does not fit is left for later.
+    let mut level = task.threshold;
+    if count_above(lanes, &state.peaks, level) > W as u32 {
+        let mut high = most;
+        for _ in 0..6 {
+            let middle = 0.5 * (level + high);
+            if count_above(lanes, &state.peaks, middle) > W as u32 {
+                level = middle;
+            } else {
+                high = middle;
+            }
+        }
+        if high < most {
+            level = high;
+        }
+    }
+    let mut chosen = 0;
+    for (i, peaks) in state.peaks.iter().enumerate() {
+        let mut mask = lanes.above(lanes.load(peaks), level);
+        while mask != 0 && chosen < W {
+            state.near[chosen] = i as u32 * 16 + mask.trailing_zeros();
+            mask &= mask - 1;
+            chosen += 1;
+        }
+    }
+    for i in chosen..W {
+        state.near[i] = state.near[0];
+    }
+    state.chosen = true;
+    let (width, gram) = (task.dictionary.width(), task.dictionary.gram());
+    for (near, &k) in state.near_rows.chunks_exact_mut(W).zip(&state.support) {
+        let row = &gram[k as usize * width..][..width];
+        for (near, &chunk) in near.iter_mut().zip(&state.near) {
+            *near = row[chunk as usize];
+        }
+    }
+}
+
+#[inline(always)]
+fn count_above<S: Lanes>(lanes: S, peaks: &[Chunk], level: f32) -> u32 {
+    let mut count = 0;
+    for peaks in peaks {
+        count += lanes.above(lanes.load(peaks), level).count_ones();
+    }
+    count
+}
+
+/// Lets an atom into the support and moves to the new minimum. False when that is too ill-conditioned for f32.
+#[inline(always)]
+pub(super) fn enter<S: Lanes, const W: usize>(
+    lanes: S,
+    task: &Task<'_>,
+    correlations: &mut [Chunk],
+    state: &mut State,
+    newcomer: Newcomer,
+) -> bool {
+    let Newcomer { atom, at, lane } = newcomer;
+    let (width, wide) = (task.dictionary.width(), state.wide);
+    state.rounds += 1;
+    let n = state.support.len();
+    let chunks = n / 16 + 1;
+    // g = G[j, S], u = G_SS⁻¹ g; rows and values beyond the support are zero, so fours may reach past it.
+    state.column[..chunks].fill(Chunk::ZERO);
+    for (g, row) in flat_mut(&mut state.column)[..n].iter_mut().zip(state.near_rows.chunks_exact(W)) {
+        *g = row[at].0[lane];
+    }
+    let fours = n.div_ceil(4);
+    let (mut fit, mut overlap) = (lanes.splat(0.0), lanes.splat(0.0));
+    for v in 0..chunks {
+        let mut sums = [lanes.splat(0.0); 4];
+        let column = flat(&state.column).chunks_exact(4).take(fours);
+        for (rows, g) in state.inverse.chunks_exact(4 * wide).zip(column) {
+            for i in 0..4 {
+                sums[i] = lanes.fma(lanes.splat(g[i]), lanes.load(&rows[i * wide + v]), sums[i]);
+            }
+        }
+        let u = lanes.add(lanes.add(sums[0], sums[2]), lanes.add(sums[1], sums[3]));
+        lanes.store(&mut state.step[v], u);
+        let g = lanes.load(&state.column[v]);
+        fit = lanes.fma(g, lanes.load(&state.phi[v]), fit);
+        overlap = lanes.fma(g, u, overlap);
+    }
+    let row = &task.dictionary.gram()[atom * width..][..width];
+    let own = flat(correlations)[atom];
+    let pull = own - lanes.sum(fit);
+    let left = row[atom / 16].0[lane] - lanes.sum(overlap);
+    if left < 1e-4 {
+        return false;
+    }
+    let sign = 1.0f32.copysign(pull);
+    let inverse_left = 1.0 / left;
+    let alpha = (pull - task.lambda * sign) * inverse_left;
+    if alpha * sign <= 0.0 {
+        return false;
+    }
+    // With u extended by −1 for the newcomer, everything below is one rank-one formula.
+    flat_mut(&mut state.step)[n] = -1.0;
+    flat_mut(&mut state.signs)[n] = sign;
+    state.support.push(atom as u32);
+    state.held.push(own);
+    flat_mut(correlations)[atom] = own - task.lambda * sign;
+    for (near, &chunk) in state.near_rows[n * W..(n + 1) * W].iter_mut().zip(&state.near) {
+        *near = row[chunk as usize];
+    }
+    let mut flipped = false;
+    for v in 0..chunks {
+        let phi = lanes.fnma(lanes.splat(alpha), lanes.load(&state.step[v]), lanes.load(&state.phi[v]));
+        lanes.store(&mut state.target[v], phi);
+        flipped |= lanes.any_negative(lanes.mul(phi, lanes.load(&state.signs[v])));
+    }
+    let fours = (n + 1).div_ceil(4);
+    for v in 0..chunks {
+        let u = lanes.load(&state.step[v]);
+        let steps = flat(&state.step).chunks_exact(4).take(fours);
+        for (rows, ui) in state.inverse.chunks_exact_mut(4 * wide).zip(steps) {
+            for i in 0..4 {
+                let row = &mut rows[i * wide + v];
+                let sum = lanes.fma(lanes.splat(ui[i] * inverse_left), u, lanes.load(row));
+                lanes.store(row, sum);
+            }
+        }
+    }
+    if flipped {
+        return walk::<S, W>(lanes, state, correlations);
+    }
+    state.phi[..chunks].copy_from_slice(&state.target[..chunks]);
+    true
 }
 
 /// The largest |c| (or c, at least 0).
 #[inline(always)]
-pub(super) fn largest<S: Lanes>(lanes: S, correlations: &[Chunk], nonnegative: bool) -> f32 {
-    scan(lanes, correlations, &[], &[], &[], nonnegative).0.max(0.0)
+pub(super) fn largest<S: Lanes>(lanes: S, task: &Task<'_>, correlations: &[Chunk], state: &mut State) -> f32 {
+    look_everywhere(lanes, task, correlations, state)
 }
 
 /// Moves from φ towards `target`, dropping the atoms whose coefficient would change sign on the way; false when it
 /// does not end.
 #[inline(always)]
-fn walk<S: Lanes>(lanes: S, state: &mut State, correlations: &mut [Chunk]) -> bool {
+fn walk<S: Lanes, const W: usize>(lanes: S, state: &mut State, correlations: &mut [Chunk]) -> bool {
     for _ in 0..4 * state.wide * 16 {
         let n = state.support.len();
         let (mut t, mut first) = (1.0f32, usize::MAX);
@@ -265,20 +408,21 @@ fn walk<S: Lanes>(lanes: S, state: &mut State, correlations: &mut [Chunk]) -> bo
             }
         }
         if first == usize::MAX {
-            state.phi.copy_from_slice(&state.target);
+            let chunks = n.div_ceil(16);
+            state.phi[..chunks].copy_from_slice(&state.target[..chunks]);
             return true;
         }
-        for (p, &to) in flat_mut(&mut state.phi).iter_mut().zip(flat(&state.target)) {
+        for (p, &to) in flat_mut(&mut state.phi)[..n].iter_mut().zip(flat(&state.target)) {
             *p += t * (to - *p);
         }
-        remove(lanes, state, correlations, first);
+        remove::<S, W>(lanes, state, correlations, first);
     }
     false
 }
 
 /// Takes the atom at place `k` out of the support: rank-one downdate, then the last takes its place.
 #[inline(always)]
-fn remove<S: Lanes>(lanes: S, state: &mut State, correlations: &mut [Chunk], k: usize) {
+fn remove<S: Lanes, const W: usize>(lanes: S, state: &mut State, correlations: &mut [Chunk], k: usize) {
     let (n, wide) = (state.support.len(), state.wide);
     let chunks = n.div_ceil(16);
     state.column[..chunks].copy_from_slice(&state.inverse[k * wide..k * wide + chunks]);
@@ -304,6 +448,9 @@ fn remove<S: Lanes>(lanes: S, state: &mut State, correlations: &mut [Chunk], k: 
         vector[last] = 0.0;
     }
     if k != last {
+        for i in 0..W {
+            state.near_rows[k * W + i] = state.near_rows[last * W + i];
+        }
         for v in 0..chunks {
             state.inverse[k * wide + v] = state.inverse[last * wide + v];
         }

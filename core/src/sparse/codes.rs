@@ -117,7 +117,7 @@ impl Codes {
                 let mut norm1 = 0.0;
                 for (k, v) in self.signal(n) {
                     norm1 += f64::from(v).abs();
-                    for (r, &d) in residual.iter_mut().zip(dictionary.atom(k)) {
+                    for (r, &d) in residual.iter_mut().zip(dictionary.atoms().row(k)) {
                         *r -= f64::from(v) * f64::from(d);
                     }
                 }

@@ -21,7 +21,7 @@ pub(super) fn dot(a: &[Chunk], b: &[[f64; 16]]) -> f64 {
     let mut lanes = [0.0f64; 16];
     for (x, y) in a.iter().zip(b) {
         for i in 0..16 {
-            lanes[i] += f64::from(x.0[i]) * y[i];
+            lanes[i] = f64::from(x.0[i]).mul_add(y[i], lanes[i]);
         }
     }
     sum(&lanes)
@@ -33,14 +33,4 @@ pub(super) fn sum(lanes: &[f64; 16]) -> f64 {
     let b: [f64; 8] = std::array::from_fn(|i| lanes[i] + lanes[i + 8]);
     let c: [f64; 4] = std::array::from_fn(|i| b[i] + b[i + 4]);
     (c[0] + c[2]) + (c[1] + c[3])
-}
-
-/// r −= v·d, lane by lane.
-#[inline(always)]
-pub(super) fn subtract(r: &mut [[f64; 16]], v: f64, d: &[Chunk]) {
-    for (r, d) in r.iter_mut().zip(d) {
-        for (r, &d) in r.iter_mut().zip(&d.0) {
-            *r -= v * f64::from(d);
-        }
-    }
 }

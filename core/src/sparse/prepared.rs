@@ -1,4 +1,7 @@
 //! A dictionary made ready for solving: atoms in padded rows and in panels for the product, and the Gram matrix G = D Dᵀ.
+//!
+//! Inside, atoms stand in an order of their own: sixteen atoms that resemble each other fill a chunk, so that the atoms a
+//! signal needs lie in few chunks. What comes out names them as they came in.
 
 use super::Error;
 use super::product::{self, GROUP};
@@ -16,6 +19,8 @@ const LONGEST_SIGNAL: usize = 1 << 14;
 #[derive(Debug, Clone)]
 pub struct Prepared {
     atoms: Array2<f32>,
+    /// The place in `atoms` of each atom of the order inside, which all below follow.
+    order: Vec<u32>,
     /// Atoms again, rows padded with zeros to whole chunks.
     rows: Vec<Chunk>,
     /// For every 64 atoms, for every value of a signal, that value of the 64 atoms.
@@ -40,14 +45,6 @@ impl Prepared {
     /// m, the length of a signal.
     pub fn signal_len(&self) -> usize {
         self.atoms.ncols()
-    }
-
-    /// Inner products of atom `k` with every atom (K values).
-    ///
-    /// # Panics
-    /// Without an atom `k`.
-    pub fn gram_row(&self, k: usize) -> &[f32] {
-        &flat(&self.gram[k * self.width..(k + 1) * self.width])[..self.atom_count()]
     }
 
     /// The instructions solving runs on: the processor's best unless changed.
@@ -77,7 +74,19 @@ impl Prepared {
         self.panels.chunks_exact(self.signal_len())
     }
 
-    /// Atom `k`, padded with zeros.
+    /// Inner products of atom `k` of the order inside with every atom.
+    #[inline(always)]
+    pub(super) fn gram_row(&self, k: usize) -> &[f32] {
+        &flat(&self.gram[k * self.width..(k + 1) * self.width])[..self.atom_count()]
+    }
+
+    /// The number from outside of atom `k` of the order inside.
+    #[inline(always)]
+    pub(super) fn outside(&self, k: u32) -> u32 {
+        self.order[k as usize]
+    }
+
+    /// Atom `k` of the order inside, padded with zeros.
     #[inline(always)]
     pub(super) fn padded_atom(&self, k: usize) -> &[Chunk] {
         let chunks = self.signal_len().div_ceil(16);
@@ -113,29 +122,73 @@ pub fn prepare(atoms: ArrayView2<'_, f32>) -> Result<Prepared, Error> {
             return Err(Error::Parameter(format!("atom {row} has norm {norm:.6}, expected 1")));
         }
     }
+    let atoms = atoms.as_standard_layout().into_owned();
+    let as_given = arrange(atoms, (0..k as u32).collect());
+    let order = resembling(&gram(&as_given), k, as_given.width);
+    let prepared = arrange(as_given.atoms, order);
+    let gram = gram(&prepared);
+    Ok(Prepared { gram, ..prepared })
+}
+
+/// Everything but the Gram matrix, for atoms in `order`.
+fn arrange(atoms: Array2<f32>, order: Vec<u32>) -> Prepared {
+    let (k, m) = atoms.dim();
     let chunks = m.div_ceil(16);
     let width = k.div_ceil(16 * PANEL) * PANEL;
     let mut rows = vec![Chunk::ZERO; k * chunks];
     let mut panels = vec![[Chunk::ZERO; PANEL]; width / PANEL * m];
-    for (row, atom) in atoms.rows().into_iter().enumerate() {
+    for (row, &from) in order.iter().enumerate() {
         let padded = flat_mut(&mut rows[row * chunks..(row + 1) * chunks]);
         let (panel, lane) = (row / (16 * PANEL), row % (16 * PANEL));
-        for (i, &v) in atom.iter().enumerate() {
+        for (i, &v) in atoms.row(from as usize).iter().enumerate() {
             padded[i] = v;
             panels[panel * m + i][lane / 16].0[lane % 16] = v;
         }
     }
-    let atoms = atoms.as_standard_layout().into_owned();
-    let mut prepared = Prepared { atoms, rows, panels, gram: Vec::new(), width, simd: Simd::best() };
+    Prepared { atoms, order, rows, panels, gram: Vec::new(), width, simd: Simd::best() }
+}
+
+/// Rows of `width` chunks: inner products of all atoms with all atoms, in the order inside.
+fn gram(prepared: &Prepared) -> Vec<Chunk> {
+    let (k, m, width) = (prepared.atom_count(), prepared.signal_len(), prepared.width);
     let mut gram = vec![Chunk::ZERO; k * width];
     let mut group = Vec::new();
     for (from, rows) in gram.chunks_mut(GROUP * width).enumerate() {
         let atoms = (from * GROUP..k.min((from + 1) * GROUP)).map(|row| prepared.atom(row));
         product::interleave(atoms, m, &mut group);
-        dispatch(prepared.simd, Correlate { dictionary: &prepared, signals: &group, out: rows });
+        dispatch(prepared.simd, Correlate { dictionary: prepared, signals: &group, out: rows });
     }
-    prepared.gram = gram;
-    Ok(prepared)
+    gram
+}
+
+/// An order that puts atoms that resemble each other (|inner product|) into the same chunk: from the most resembled atom
+/// left, sixteen that resemble the chunk so far most; the lowest number of equals.
+fn resembling(gram: &[Chunk], k: usize, width: usize) -> Vec<u32> {
+    let row = |i: usize| &flat(&gram[i * width..(i + 1) * width])[..k];
+    let mut left = vec![true; k];
+    let mut with_left: Vec<f32> = (0..k).map(|i| row(i).iter().map(|g| g.abs()).sum()).collect();
+    let mut with_chunk = vec![0.0f32; k];
+    let mut order = Vec::with_capacity(k);
+    for place in 0..k {
+        let score = if place % 16 == 0 { &with_left } else { &with_chunk };
+        let mut best = (f32::NEG_INFINITY, 0);
+        for i in 0..k {
+            if left[i] && score[i] > best.0 {
+                best = (score[i], i);
+            }
+        }
+        let taken = best.1;
+        if place % 16 == 0 {
+            with_chunk.fill(0.0);
+        }
+        left[taken] = false;
+        order.push(taken as u32);
+        for ((chunk, all), g) in with_chunk.iter_mut().zip(&mut with_left).zip(row(taken)) {
+            *chunk += g.abs();
+            *all -= g.abs();
+        }
+    }
+    order
 }
 
 /// The product of a block of signals with all atoms.

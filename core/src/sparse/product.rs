@@ -44,11 +44,14 @@ fn correlate_panels<S: Lanes, const P: usize>(
             for part in 0..PANEL / P {
                 let mut sums = [[lanes.splat(0.0); P]; GROUP];
                 for (values, atoms) in signals.iter().zip(panel) {
-                    let atoms: [S::V; P] = std::array::from_fn(|i| lanes.load(&atoms[part * P + i]));
+                    let mut loaded = [lanes.splat(0.0); P];
+                    for i in 0..P {
+                        loaded[i] = lanes.load(&atoms[part * P + i]);
+                    }
                     for n in 0..GROUP {
                         let value = lanes.splat(values[n]);
                         for i in 0..P {
-                            sums[n][i] = lanes.fma(value, atoms[i], sums[n][i]);
+                            sums[n][i] = lanes.fma(value, loaded[i], sums[n][i]);
                         }
                     }
                 }

@@ -101,7 +101,7 @@ fn one<'a>(dictionary: &'a Prepared, seen: Seen<'a>, signal: &'a [f64], options:
     });
     let mut entries: Vec<(u32, f32)> =
         answer.support.iter().zip(&answer.values).map(|(&k, &v)| (k, v as f32)).collect();
-    push(codes, &mut entries, lambda, &answer.finished);
+    push(codes, dictionary, &mut entries, lambda, &answer.finished);
 }
 
 fn check(

@@ -95,10 +95,16 @@ pub(super) trait Lanes: Copy {
     fn keep_larger(self, best: (Self::V, Self::V), a: Self::V, at: Self::V) -> (Self::V, Self::V);
     /// The largest lane of `best.0` (lowest lane of equals): its value, its `best.1`, its lane.
     fn largest(self, best: (Self::V, Self::V)) -> (f32, f32, usize);
+    /// The largest lane of each of four vectors.
+    fn largest_of_each(self, a: [Self::V; 4]) -> [f32; 4];
+    /// Bit i says whether lane i is above `level`.
+    fn above(self, a: Self::V, level: f32) -> u16;
     /// Sum of all lanes: halves added onto each other.
     fn sum(self, a: Self::V) -> f32;
     /// Whether any lane is below zero.
     fn any_negative(self, a: Self::V) -> bool;
+    /// Hints that this chunk will be read soon.
+    fn prefetch(self, chunk: &Chunk);
 }
 
 /// Work to be run on lanes; `run` and all it calls with lanes must be `#[inline(always)]`.
@@ -181,6 +187,14 @@ impl Lanes for Plain {
         (best.0[lane], best.1[lane], lane)
     }
     #[inline(always)]
+    fn largest_of_each(self, a: [[f32; 16]; 4]) -> [f32; 4] {
+        a.map(|v| v.into_iter().fold(v[0], |m, x| if x > m { x } else { m }))
+    }
+    #[inline(always)]
+    fn above(self, a: [f32; 16], level: f32) -> u16 {
+        (0..16).fold(0, |mask, i| mask | u16::from(a[i] > level) << i)
+    }
+    #[inline(always)]
     fn sum(self, a: [f32; 16]) -> f32 {
         let b: [f32; 8] = std::array::from_fn(|i| a[i] + a[i + 8]);
         let c: [f32; 4] = std::array::from_fn(|i| b[i] + b[i + 4]);
@@ -190,6 +204,8 @@ impl Lanes for Plain {
     fn any_negative(self, a: [f32; 16]) -> bool {
         a.iter().any(|&v| v < 0.0)
     }
+    #[inline(always)]
+    fn prefetch(self, _chunk: &Chunk) {}
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -271,12 +287,30 @@ mod x86 {
             }
         }
         #[inline(always)]
+        fn largest_of_each(self, a: [__m512; 4]) -> [f32; 4] {
+            unsafe {
+                let ab = _mm512_max_ps(_mm512_unpacklo_ps(a[0], a[1]), _mm512_unpackhi_ps(a[0], a[1]));
+                let cd = _mm512_max_ps(_mm512_unpacklo_ps(a[2], a[3]), _mm512_unpackhi_ps(a[2], a[3]));
+                let four = _mm512_max_ps(_mm512_shuffle_ps::<0x44>(ab, cd), _mm512_shuffle_ps::<0xEE>(ab, cd));
+                let four = _mm256_max_ps(_mm512_castps512_ps256(four), _mm512_extractf32x8_ps::<1>(four));
+                largest4(four)
+            }
+        }
+        #[inline(always)]
+        fn above(self, a: __m512, level: f32) -> u16 {
+            unsafe { _mm512_cmp_ps_mask::<_CMP_GT_OQ>(a, _mm512_set1_ps(level)) }
+        }
+        #[inline(always)]
         fn sum(self, a: __m512) -> f32 {
             unsafe { sum8(_mm256_add_ps(_mm512_castps512_ps256(a), _mm512_extractf32x8_ps::<1>(a))) }
         }
         #[inline(always)]
         fn any_negative(self, a: __m512) -> bool {
             unsafe { _mm512_cmp_ps_mask::<_CMP_LT_OQ>(a, _mm512_setzero_ps()) != 0 }
+        }
+        #[inline(always)]
+        fn prefetch(self, chunk: &Chunk) {
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(chunk.0.as_ptr().cast()) }
         }
     }
 
@@ -354,6 +388,25 @@ mod x86 {
             }
         }
         #[inline(always)]
+        fn largest_of_each(self, v: [Self::V; 4]) -> [f32; 4] {
+            unsafe {
+                let (a, b) = (_mm256_max_ps(v[0][0], v[0][1]), _mm256_max_ps(v[1][0], v[1][1]));
+                let (c, d) = (_mm256_max_ps(v[2][0], v[2][1]), _mm256_max_ps(v[3][0], v[3][1]));
+                let ab = _mm256_max_ps(_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
+                let cd = _mm256_max_ps(_mm256_unpacklo_ps(c, d), _mm256_unpackhi_ps(c, d));
+                largest4(_mm256_max_ps(_mm256_shuffle_ps::<0x44>(ab, cd), _mm256_shuffle_ps::<0xEE>(ab, cd)))
+            }
+        }
+        #[inline(always)]
+        fn above(self, a: Self::V, level: f32) -> u16 {
+            unsafe {
+                let level = _mm256_set1_ps(level);
+                let low = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_GT_OQ>(a[0], level));
+                let high = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_GT_OQ>(a[1], level));
+                (low | high << 8) as u16
+            }
+        }
+        #[inline(always)]
         fn sum(self, a: Self::V) -> f32 {
             unsafe { sum8(_mm256_add_ps(a[0], a[1])) }
         }
@@ -365,6 +418,10 @@ mod x86 {
                 let high = _mm256_cmp_ps::<_CMP_LT_OQ>(a[1], zero);
                 _mm256_movemask_ps(_mm256_or_ps(low, high)) != 0
             }
+        }
+        #[inline(always)]
+        fn prefetch(self, chunk: &Chunk) {
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(chunk.0.as_ptr().cast()) }
         }
     }
 
@@ -378,5 +435,20 @@ mod x86 {
             let d = _mm_add_ps(c, _mm_movehl_ps(c, c));
             _mm_cvtss_f32(_mm_add_ss(d, _mm_shuffle_ps::<1>(d, d)))
         }
+    }
+
+    /// The larger half of each of four values.
+    ///
+    /// # Safety
+    /// The processor has AVX.
+    #[inline(always)]
+    unsafe fn largest4(a: __m256) -> [f32; 4] {
+        let mut out = [0.0f32; 4];
+        // SAFETY: AVX by contract; the store writes the four values of `out`.
+        unsafe {
+            let four = _mm_max_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps::<1>(a));
+            _mm_storeu_ps(out.as_mut_ptr(), four);
+        }
+        out
     }
 }

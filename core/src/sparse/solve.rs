@@ -216,11 +216,20 @@ fn solve_plainly(
         _ => descent::solve(&problem, work),
     };
     let mut entries: Vec<(u32, f32)> = work.support.iter().map(|&j| (j, work.code[j as usize])).collect();
-    push(codes, &mut entries, lambda, &finished);
+    push(codes, dictionary, &mut entries, lambda, &finished);
 }
 
-/// Appends one signal's code, atoms ascending, zeros left out.
-pub(super) fn push(codes: &mut Codes, entries: &mut [(u32, f32)], lambda: f32, finished: &Finished) {
+/// Appends one signal's code (atoms of the order inside), atoms ascending, zeros left out.
+pub(super) fn push(
+    codes: &mut Codes,
+    dictionary: &Prepared,
+    entries: &mut [(u32, f32)],
+    lambda: f32,
+    finished: &Finished,
+) {
+    for entry in entries.iter_mut() {
+        entry.0 = dictionary.outside(entry.0);
+    }
     entries.sort_unstable_by_key(|e| e.0);
     for &(atom, value) in entries.iter().filter(|e| e.1 != 0.0) {
         codes.atoms.push(atom);
