@@ -1,11 +1,50 @@
-//! `lenslet extract`
+//! `lenslet extract`: what a container or calibration bundle holds, as files.
 
-use super::{Context, Outcome};
+use std::path::PathBuf;
 
-/// extract
+use lenslet_core::container::{self, extract};
+use lenslet_core::progress::Observer;
+use serde_json::json;
+
+use super::info::clean;
+use super::{Context, Interrupted, Outcome};
+
+/// Take out everything a container, calibration bundle (data.C.n) or .tar archive holds
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(after_help = "\
+Example: lenslet extract IMG_0001-stk.lfp --out IMG_0001
 
-pub fn run(_args: &Args, _context: &Context) -> anyhow::Result<Outcome> {
-    anyhow::bail!("not built yet")
+Raw images come with their metadata beside them (image.raw, image.json), so that decode reads them; Lytro's refocus
+slices as .jpg, its video blocks as .h264, its depth maps as .raw, .pfm and 16-bit .png. index.json says what is what.")]
+pub struct Args {
+    /// The container, bundle or archive
+    file: PathBuf,
+    /// The folder to make
+    #[arg(short, long, value_name = "DIR")]
+    out: PathBuf,
+    /// Replace an existing folder
+    #[arg(short, long)]
+    force: bool,
+}
+
+pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
+    let (files, warnings) =
+        extract::extract(&args.file, &args.out, args.force, &context.progress).map_err(|e| match e {
+            container::Error::Interrupted => anyhow::Error::from(Interrupted),
+            e => e.into(),
+        })?;
+    for warning in &warnings {
+        context.progress.note(&clean(warning));
+    }
+    let mut text = String::new();
+    for f in &files {
+        text.push_str(&format!("{:>10}  {}  ({})\n", f.bytes, f.name, clean(&f.what)));
+    }
+    text.push_str(&format!("{} files in {}\n", files.len() + 1, args.out.display()));
+    let list: Vec<_> = files
+        .iter()
+        .map(|f| json!({"file": f.name, "bytes": f.bytes, "what": f.what, "intact": f.intact, "facts": f.facts}))
+        .collect();
+    let json = json!({"out": args.out.display().to_string(), "files": list, "warnings": warnings});
+    Ok(Outcome { json, text })
 }

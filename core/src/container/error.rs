@@ -66,6 +66,9 @@ pub enum Error {
     /// The caller asked for something impossible.
     #[error("{0}")]
     Parameter(String),
+    /// The caller asked to stop.
+    #[error("interrupted")]
+    Interrupted,
     /// A result could not be put in place.
     #[error(transparent)]
     Output(#[from] crate::output::Error),

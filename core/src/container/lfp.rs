@@ -8,27 +8,37 @@ use super::capture::{assemble, profile_for, sha256_of};
 use super::metadata::{self, Frame};
 use super::packing::unpack;
 use super::profile::Profile;
+use super::references::{self, Reference};
 use super::segments::{Container, Segment};
-use super::{Capture, Error, RawMosaic, json, references};
+use super::{Capture, Error, RawMosaic, json};
 
 /// The first frame of a container, its pixels not yet read.
-pub(super) struct Located {
+#[derive(Debug, Clone, PartialEq)]
+pub struct Located {
     /// What is known of it.
     pub facts: Frame,
-    /// The segment with its pixels.
-    pub image: Segment,
+    /// The segment with its pixels, if the file holds it.
+    pub image: Option<Segment>,
+    /// The parts that the contents name and the file does not hold.
+    pub missing: Vec<Reference>,
+    /// Oddities that did not stop the reading.
+    pub warnings: Vec<String>,
     /// Its entry in the table of contents.
-    frame: Value,
-    warnings: Vec<String>,
+    entry: Value,
+    /// Whether the file holds renderings (-stk, -dm).
+    processed: bool,
 }
 
 /// Finds the first frame a container's table of contents names.
-pub(super) fn locate(container: &Container) -> Result<Located, Error> {
+///
+/// # Errors
+/// When the contents cannot be read or name no frame.
+pub fn locate(container: &Container) -> Result<Located, Error> {
     let path = container.path();
     let mut warnings = container.warnings.clone();
     let contents = container.contents()?;
-    let frame_of = |c| json::at(c, "picture.frameArray.0.frame").or_else(|| json::at(c, "frames.0.frame"));
-    let Some((contents, frame)) = contents.iter().find_map(|c| Some((c, frame_of(c)?))) else {
+    let entry_of = |c| json::at(c, "picture.frameArray.0.frame").or_else(|| json::at(c, "frames.0.frame"));
+    let Some((contents, entry)) = contents.iter().find_map(|c| Some((c, entry_of(c)?))) else {
         let files = contents.iter().find_map(|c| c.get("files")?.as_array());
         return Err(Error::unsupported(
             path,
@@ -38,14 +48,9 @@ pub(super) fn locate(container: &Container) -> Result<Located, Error> {
             }),
         ));
     };
-    warnings.extend(
-        missing(container, contents)
-            .iter()
-            .filter(|m| !m.path.ends_with(".imageRef"))
-            .map(|m| format!("{} ({}) is named by the file but is not in it", m.path, m.sha1)),
-    );
-    let private = document(container, frame, "privateMetadataRef", &mut warnings)?;
-    let metadata = document(container, frame, "metadataRef", &mut warnings)?;
+    let missing = missing(container, contents);
+    let private = document(container, entry, "privateMetadataRef", &mut warnings)?;
+    let metadata = document(container, entry, "metadataRef", &mut warnings)?;
     // Some programs keep the metadata in the table of contents itself.
     let (mut facts, more) = metadata::frame(metadata.as_ref().unwrap_or(contents), private.as_ref());
     warnings.extend(more);
@@ -53,33 +58,41 @@ pub(super) fn locate(container: &Container) -> Result<Located, Error> {
     let (is_white, is_dark) = metadata::tags(contents);
     facts.is_white = is_white.or(facts.is_white);
     facts.is_dark = is_dark.or(facts.is_dark);
+    let image = json::text(entry, "imageRef").and_then(|sha1| container.find(&sha1).cloned());
+    let renderings = contents.pointer("/picture/accelerationArray").and_then(Value::as_array);
+    let processed = renderings.is_some_and(|a| !a.is_empty());
+    Ok(Located { facts, image, missing, warnings, entry: entry.clone(), processed })
+}
 
-    let Some(sha1) = json::text(frame, "imageRef") else {
+/// The image, or why there is none.
+fn image_of(container: &Container, located: &Located) -> Result<Segment, Error> {
+    if let Some(image) = &located.image {
+        return Ok(image.clone());
+    }
+    let path = container.path();
+    let Some(sha1) = json::text(&located.entry, "imageRef") else {
         return Err(Error::malformed(path, "the frame names no image (imageRef)"));
     };
-    let Some(image) = container.find(&sha1).cloned() else {
-        let processed =
-            contents.pointer("/picture/accelerationArray").and_then(Value::as_array).is_some_and(|a| !a.is_empty());
-        let advice = if processed {
-            "; a processed file: the raw image lies in the .lfp of the same name without -stk or -dm (`lenslet extract` saves what is here)"
-        } else {
-            ""
-        };
-        let (path, what, advice) = (path.to_path_buf(), "imageRef".to_string(), advice.to_string());
-        return Err(Error::Missing { path, what, sha1, advice });
+    let advice = if located.processed {
+        "; a processed file: the raw image lies in the .lfp of the same name without -stk or -dm (`lenslet extract` saves what is here)"
+    } else {
+        ""
     };
-    Ok(Located { facts, image, frame: frame.clone(), warnings })
+    Err(Error::Missing { path: path.into(), what: "imageRef".into(), sha1, advice: advice.into() })
 }
 
 /// Reads the first frame of a container.
 pub(super) fn capture(container: &Container, profile: Option<&Profile>) -> Result<Capture, Error> {
-    let Located { facts, image, frame, mut warnings } = locate(container)?;
+    let located = locate(container)?;
+    let image = image_of(container, &located)?;
+    let Located { facts, entry, missing, mut warnings, .. } = located;
+    warnings.extend(missing.iter().map(|m| format!("{} ({}) is named by the file but is not in it", m.path, m.sha1)));
     let (bytes, damaged) = container.checked(&image)?;
     warnings.extend(damaged);
     let guessed = profile_for(&facts, image.length);
     let profile = profile.or(guessed.as_ref());
     let pixels = pixels(container.path(), &facts, profile, &bytes, &mut warnings)?;
-    let white = white(container, &frame, &facts, profile, &mut warnings)?;
+    let white = white(container, &entry, &facts, profile, &mut warnings)?;
     let mut capture = assemble(pixels, facts, profile, container.sha256()?, warnings);
     capture.white = white.map(Box::new);
     Ok(capture)
@@ -173,7 +186,7 @@ pub(super) fn pixels(
 }
 
 /// Every part the contents name that is not in the file.
-pub fn missing(container: &Container, contents: &Value) -> Vec<references::Reference> {
+fn missing(container: &Container, contents: &Value) -> Vec<Reference> {
     references::collect(contents)
         .into_iter()
         .filter(|r| references::is_part(r) && container.find(&r.sha1).is_none())

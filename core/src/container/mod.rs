@@ -5,7 +5,9 @@
 //! capture. The plain types below are what the rest of the toolkit sees of a capture.
 
 mod capture;
+mod depth;
 mod error;
+pub mod extract;
 mod file;
 pub mod json;
 mod lfp;
@@ -22,6 +24,7 @@ mod write;
 
 pub use capture::open;
 pub use error::Error;
+pub use lfp::{Located, locate};
 pub use profile::{Profile, profile, profiles};
 pub use write::write_lfp;
 

@@ -202,11 +202,13 @@ fn raw_candidate(member: &Member, text: Option<&Member>) -> Option<Result<Candid
 
 fn container_candidate(member: &Member, stem: &str) -> Result<Option<Candidate>, Error> {
     let container = Container::open(&member.path)?;
-    let lfp::Located { facts: frame, image, .. } = match lfp::locate(&container) {
-        Ok(l) => l,
-        Err(e) => return if stem.starts_with("WHITE") || stem.starts_with("MOD") { Err(e) } else { Ok(None) },
+    let looks = stem.starts_with("WHITE") || stem.starts_with("MOD");
+    let (frame, image) = match lfp::locate(&container) {
+        Ok(lfp::Located { facts, image: Some(image), .. }) => (facts, image),
+        Err(e) if looks => return Err(e),
+        _ => return Ok(None),
     };
-    if !(frame.is_white == Some(true) || stem.starts_with("WHITE") || stem.starts_with("MOD")) {
+    if !(looks || frame.is_white == Some(true)) {
         return Ok(None);
     }
     let inside = Member {

@@ -1,0 +1,269 @@
+//! `lenslet info` and `lenslet extract` as a user calls them.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+use assert_cmd::Command;
+use lenslet_core::container::packing::{Packing, pack};
+use lenslet_core::container::segments::{MAGIC, sha1_of};
+use lenslet_core::container::{CameraFacts, Capture, Cfa, ColourFacts, Levels, MlaHint, RawMosaic, open, write_lfp};
+use serde_json::{Value, json};
+
+fn lenslet(args: &[&str]) -> Output {
+    Command::cargo_bin("lenslet").unwrap().args(args).output().unwrap()
+}
+
+fn info(path: &Path) -> Value {
+    let out = lenslet(&["info", "--json", path.to_str().unwrap()]);
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    serde_json::from_slice(&out.stdout).unwrap()
+}
+
+/// Exit code 1, one line on stderr, nothing on stdout; the line.
+fn refused(args: &[&str]) -> String {
+    let out = lenslet(args);
+    let line = String::from_utf8(out.stderr).unwrap();
+    assert_eq!((out.status.code(), out.stdout.len(), line.lines().count()), (Some(1), 0, 1), "{line}");
+    line
+}
+
+fn capture(width: usize, height: usize) -> Capture {
+    Capture {
+        mosaic: RawMosaic { width, height, data: (0..width * height).map(|i| (i * 31 % 4096) as u16).collect() },
+        cfa: Cfa::Bggr,
+        levels: Levels { black: [168.0; 4], white: [4095.0; 4] },
+        colour: ColourFacts {
+            white_balance: [1.0, 1.0, 1.0, 1.5],
+            ccm: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            gamma: None,
+        },
+        camera: CameraFacts {
+            make: Some("Lytro, Inc.".into()),
+            model: Some("F01".into()),
+            serial: Some("A1\u{1b}[2J".into()),
+            zoom_step: Some(500),
+            focus_step: Some(300),
+            ..CameraFacts::default()
+        },
+        mla: Some(MlaHint { pitch: 10.0, rotation: 0.001, row_stretch: 1.0004 }),
+        source_sha256: String::new(),
+        white: None,
+        warnings: Vec::new(),
+    }
+}
+
+fn segment(out: &mut Vec<u8>, letter: u8, payload: &[u8]) {
+    out.extend([0x89, b'L', b'F', letter, b'\r', b'\n', 0x1a, b'\n', 0, 0, 0, 0]);
+    out.extend((payload.len() as u32).to_be_bytes());
+    out.extend(sha1_of(payload).bytes());
+    out.extend([0; 35]);
+    out.extend(payload);
+    out.resize(out.len().next_multiple_of(16), 0);
+}
+
+fn container(contents: &Value, parts: &[&[u8]]) -> Vec<u8> {
+    let mut out = MAGIC.to_vec();
+    out.extend([0, 0, 0, 1, 0, 0, 0, 0]);
+    segment(&mut out, b'M', contents.to_string().as_bytes());
+    for part in parts {
+        segment(&mut out, b'C', part);
+    }
+    out
+}
+
+#[test]
+fn info_tells_the_parts_of_a_container() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a b.lfp");
+    write_lfp(&path, &capture(64, 48), false).unwrap();
+    let json = info(&path);
+    assert_eq!(json["kind"], "container");
+    let segments = json["segments"].as_array().unwrap();
+    assert_eq!(segments.len(), 4);
+    assert!(segments.iter().all(|s| s["sha1_ok"] == true));
+    assert_eq!(segments[0]["used_as"], "table of contents");
+    assert_eq!(segments[2]["used_as"], "picture.frameArray.0.frame.imageRef");
+    assert_eq!(segments[2]["length"], 64 * 48 * 3 / 2);
+    assert_eq!(json["image"]["width"], 64);
+    assert_eq!(json["camera"]["zoom_step"], 500);
+    assert_eq!((json["image_present"].as_bool(), json["missing"].as_array().unwrap().len()), (Some(true), 0));
+
+    let mut bytes = fs::read(&path).unwrap();
+    let at = segments[2]["offset"].as_u64().unwrap() as usize + 100;
+    bytes[at] ^= 1;
+    fs::write(&path, &bytes).unwrap();
+    let out = lenslet(&["info", path.to_str().unwrap()]);
+    let text = String::from_utf8(out.stdout).unwrap();
+    assert!(text.contains("DAMAGED") && String::from_utf8_lossy(&out.stderr).contains("damaged"));
+    assert!(!text.contains('\u{1b}') && text.contains("A1\\u{1b}[2J"), "control characters are shown, not sent");
+}
+
+#[test]
+fn info_tells_mosaics_raw_files_calibrations_and_profiles() {
+    let dir = tempfile::tempdir().unwrap();
+    let png = dir.path().join("m.png");
+    image::ImageBuffer::<image::Luma<u16>, _>::from_fn(100, 80, |x, y| image::Luma([(x * y % 4096) as u16]))
+        .save(&png)
+        .unwrap();
+    let json = info(&png);
+    assert_eq!((json["kind"].as_str(), json["image"]["cfa"].as_str()), (Some("raw mosaic"), Some("bggr")));
+    assert_eq!(json["values"]["max"], 4095);
+    assert!(json["warnings"][0].as_str().unwrap().contains("fit no known camera"));
+
+    let raw = dir.path().join("MOD_0002.RAW");
+    fs::write(&raw, pack(Packing::Be12, &capture(64, 48).mosaic.data).unwrap()).unwrap();
+    assert!(refused(&["info", raw.to_str().unwrap()]).contains("4608 bytes fit no known camera"));
+    let four = |v: u32| json!({"r": v, "gr": v, "gb": v, "b": v});
+    let text = json!({"image": {"width": 64, "height": 48, "rawDetails": {
+        "pixelFormat": {"black": four(168), "white": four(4095)},
+        "pixelPacking": {"endianness": "big", "bitsPerPixel": 12},
+        "mosaic": {"tile": "r,gr:gb,b", "upperLeftPixel": "gr"}}}});
+    fs::write(dir.path().join("MOD_0002.txt"), text.to_string()).unwrap();
+    assert_eq!(info(&raw)["image"]["cfa"], "grbg");
+    assert_eq!(info(&dir.path().join("MOD_0002.txt"))["kind"], "camera metadata");
+
+    let toml = dir.path().join("mine.toml");
+    fs::write(&toml, include_str!("../core/profiles/lytro-f01.toml")).unwrap();
+    assert_eq!(info(&toml)["profile"]["sensor"]["width"], 3280);
+    assert!(refused(&["info", png.to_str().unwrap(), "--profile", "nikon"]).contains("lytro-f01"));
+
+    let photo = dir.path().join("p.jpg");
+    image::RgbImage::from_fn(64, 64, |x, y| image::Rgb([x as u8 * 3, y as u8 * 3, 0])).save(&photo).unwrap();
+    assert_eq!(info(&photo)["kind"], "picture");
+}
+
+#[test]
+fn info_refuses_what_is_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let full = dir.path().join("full.lfp");
+    write_lfp(&full, &capture(64, 48), false).unwrap();
+    let full = fs::read(&full).unwrap();
+    for (name, bytes, word) in [
+        ("text.lfp", &b"only text"[..], "not a capture"),
+        ("empty.lfp", b"", "empty"),
+        ("cut.lfp", &full[..full.len() - 400], "cut off"),
+        ("half.calib", b"LENSCAL\0\x01\0\0\0", "half.calib"),
+        ("odd.json", b"{\"a\": 1}", "not the metadata"),
+        ("deep.json", &b"{\"a\":".repeat(2000), "recursion"),
+        ("nan.json", b"{\"image\": {\"width\": NaN}}", "not valid JSON"),
+    ] {
+        let path = dir.path().join(name);
+        fs::write(&path, bytes).unwrap();
+        let line = refused(&["info", path.to_str().unwrap()]);
+        assert!(line.contains(word) && line.contains(name), "{line}");
+    }
+    assert!(refused(&["info", dir.path().join("absent").to_str().unwrap()]).contains("cannot read"));
+    assert_eq!(lenslet(&["info"]).status.code(), Some(2));
+}
+
+#[test]
+fn extracted_raw_images_are_captures_again() {
+    let dir = tempfile::tempdir().unwrap();
+    let (path, out) = (dir.path().join("a.lfr"), dir.path().join("out"));
+    let mut original = capture(64, 48);
+    let mut white = capture(64, 48);
+    white.mosaic.data.reverse();
+    original.white = Some(Box::new(white.clone()));
+    write_lfp(&path, &original, false).unwrap();
+    let run = lenslet(&["extract", "--json", path.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    assert!(run.status.success());
+    let json: Value = serde_json::from_slice(&run.stdout).unwrap();
+    assert!(json["files"].as_array().unwrap().iter().all(|f| f["intact"] == true));
+    let image = open(&out.join("image.raw"), None).unwrap();
+    assert_eq!((&image.mosaic, &image.levels, &image.mla), (&original.mosaic, &original.levels, &original.mla));
+    assert_eq!(open(&out.join("white.raw"), None).unwrap().mosaic, white.mosaic);
+    let index: Value = serde_json::from_slice(&fs::read(out.join("index.json")).unwrap()).unwrap();
+    assert_eq!(index["files"].as_array().unwrap().len(), 6);
+
+    let line = refused(&["extract", path.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    assert!(line.contains("exists already"));
+    assert!(lenslet(&["extract", path.to_str().unwrap(), "--out", out.to_str().unwrap(), "--force"]).status.success());
+    assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 2, "nothing temporary is left");
+}
+
+#[test]
+fn bundles_never_write_outside_their_folder() {
+    let dir = tempfile::tempdir().unwrap();
+    let (one, two) = (b"first".as_slice(), b"second file".as_slice());
+    let names = [
+        "C:\\T1CALIB\\MOD_0001.RAW",
+        "..\\..\\..\\escape.txt",
+        "/etc/lenslet-test",
+        "C:\\T1CALIB\\mod_0001.raw",
+        "..",
+        "a\0b",
+    ];
+    let files: Vec<Value> = names
+        .iter()
+        .enumerate()
+        .map(|(k, name)| json!({"name": name, "dataRef": sha1_of(if k % 2 == 0 { one } else { two })}))
+        .collect();
+    let inner = dir.path().join("x/y");
+    fs::create_dir_all(&inner).unwrap();
+    let bundle = inner.join("data.C.0");
+    fs::write(&bundle, container(&json!({ "files": files }), &[one, two])).unwrap();
+    let out = inner.join("out");
+    let run = lenslet(&["extract", bundle.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let mut found: Vec<PathBuf> = Vec::new();
+    let mut folders = vec![dir.path().to_path_buf()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() { folders.push(path) } else { found.push(path) }
+        }
+    }
+    assert_eq!(found.len(), 1 + names.len() + 1, "{found:?}");
+    assert!(found.iter().all(|p| p.starts_with(&out) || *p == bundle));
+    assert_eq!(fs::read(out.join("T1CALIB/MOD_0001.RAW")).unwrap(), one);
+    assert_eq!(fs::read(out.join("escape.txt")).unwrap(), two);
+    assert!(!Path::new("/etc/lenslet-test").exists());
+}
+
+fn shared(what: &str) -> Option<PathBuf> {
+    let base = std::env::var_os("LENSLET_SHARED")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
+    let path = base.join("data").join(what);
+    if path.exists() {
+        return Some(path);
+    }
+    println!("{} is absent: this part of the test was left out", path.display());
+    None
+}
+
+#[test]
+fn lytros_own_renderings_are_listed_and_extracted() {
+    let Some(lfp) = shared("lfp") else { return };
+    let json = info(&lfp.join("IMG_0001-stk.lfp"));
+    assert_eq!(json["segments"].as_array().unwrap().len(), 14);
+    assert_eq!((json["image_present"].as_bool(), json["missing"].as_array().unwrap().len()), (Some(false), 3));
+    let dir = tempfile::tempdir().unwrap();
+    let extract = |name: &str| {
+        let out = dir.path().join(name);
+        let run = lenslet(&["extract", lfp.join(name).to_str().unwrap(), "--out", out.to_str().unwrap()]);
+        assert!(run.status.success());
+        out
+    };
+    let out = extract("IMG_0001-stk.lfp");
+    for k in 0..12 {
+        let slice = image::open(out.join(format!("refocus-{k:02}.jpg"))).unwrap();
+        assert_eq!((slice.width(), slice.height()), (1080, 1080));
+    }
+    let index: Value = serde_json::from_slice(&fs::read(out.join("index.json")).unwrap()).unwrap();
+    let of = |index: &Value, name: &str| {
+        index["files"].as_array().unwrap().iter().find(|f| f["file"] == name).unwrap().clone()
+    };
+    assert_eq!(of(&index, "refocus-00.jpg")["facts"]["lambda"], -8.922_927_856_445_312);
+    let depth = image::open(out.join("depth.png")).unwrap();
+    assert_eq!((depth.width(), depth.height()), (20, 20));
+
+    let out = extract("IMG_0002-stk.lfp");
+    let index: Value = serde_json::from_slice(&fs::read(out.join("index.json")).unwrap()).unwrap();
+    assert_eq!(of(&index, "parallax.h264")["facts"]["frames"].as_array().unwrap().len(), 37);
+    assert_eq!(of(&index, "refocus.h264")["facts"]["frames"].as_array().unwrap().len(), 11);
+    let pfm = fs::read(out.join("depth.pfm")).unwrap();
+    let raw = fs::read(out.join("depth.raw")).unwrap();
+    assert!(pfm.starts_with(b"Pf\n330 330\n-1.0\n"));
+    assert_eq!(pfm[pfm.len() - 330 * 4..], raw[..330 * 4], "the last row of a .pfm is the first of the map");
+}
