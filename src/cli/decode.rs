@@ -1,11 +1,380 @@
-//! `lenslet decode`
+//! `lenslet decode`: captures to light fields.
 
-use super::{Context, Outcome};
+mod choose;
+mod inputs;
 
-/// decode
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use lenslet::resample::{self, Method, RenderOptions, Target};
+use lenslet_core::calibration::Calibration;
+use lenslet_core::container::{self, Capture};
+use lenslet_core::decode::{self, Demosaic, HexSamples, Step, WhiteBalance, npz};
+use lenslet_core::lightfield::{self, ColourSpace, Format, Meta};
+use lenslet_core::progress::Observer;
+use serde_json::{Value, json};
+
+use super::{Context, Interrupted, Outcome, Usage};
+use choose::Shelf;
+use inputs::Job;
+
+/// Decode captures to light fields
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(after_help = "\
+Example: lenslet decode IMG_0001.lfp --calibration cam.calib --out IMG_0001.lf
+         lenslet decode IMG_4.jpg --profile lytro-f01 --calibration cam.calib --out IMG_4.lf --method learned
+         lenslet decode captures/ --calibration calibrations/ --out lightfields/
 
-pub fn run(_args: &Args, _context: &Context) -> anyhow::Result<Outcome> {
-    anyhow::bail!("not built yet")
+Captures: .lfp, .lfr, data.C.n, .raw with .txt or .json beside it, and mosaics as png, tif or jpg (with --profile). Several
+captures, or a folder of them, go to --out/NAME each; what is there already is left alone, so a second run goes on.")]
+pub struct Args {
+    /// Captures, or folders of captures
+    #[arg(required = true, value_name = "CAPTURE")]
+    captures: Vec<PathBuf>,
+    /// Calibration of the camera, or a folder of calibrations to choose from (not needed for an Illum .lfr)
+    #[arg(short, long, value_name = "CAM.calib|DIR")]
+    calibration: Option<PathBuf>,
+    /// The light field to write (a folder of light fields for several captures)
+    #[arg(short, long, value_name = "LF")]
+    out: PathBuf,
+    /// How views are made: bicubic, barycentric, cubic, multiview or learned
+    #[arg(short, long, default_value = "cubic", value_name = "METHOD")]
+    method: Method,
+    /// What learned reconstruction starts from: barycentric, cubic or multiview
+    #[arg(long, value_name = "METHOD")]
+    base: Option<Method>,
+    /// Views a row and a column (odd, up to 15)
+    #[arg(long, default_value_t = 7, value_name = "N")]
+    views: usize,
+    /// Sensor pixels between neighbouring views
+    #[arg(long, default_value_t = 1.0, value_name = "PIXELS")]
+    view_step: f64,
+    /// Size of the views: pixels of the longer side, WIDTHxHEIGHT, or native (one pixel a lenslet)
+    #[arg(long, default_value = "1080", value_name = "SIZE")]
+    size: Size,
+    /// Write one .npy (float32; v,u,t,s,c) instead of a folder of 16-bit PNGs
+    #[arg(long, group = "format")]
+    npy: bool,
+    /// Write one MATLAB file (level 5, variable LF) instead
+    #[arg(long, group = "format")]
+    mat: bool,
+    /// Write one lenslet picture (ESLF, 16-bit PNG) instead
+    #[arg(long, group = "format")]
+    eslf: bool,
+    /// Write linear light instead of sRGB
+    #[arg(long)]
+    linear: bool,
+    /// Camera profile, where the files do not name their camera
+    #[arg(long, value_name = "NAME")]
+    profile: Option<String>,
+    /// White balance: camera (what the file says), auto (guessed from the capture), or gains R,G,B
+    #[arg(long, default_value = "camera", value_name = "HOW", value_parser = parse_white_balance)]
+    white_balance: WhiteBalance,
+    /// How colours are filled in: malvar or bilinear
+    #[arg(long, default_value = "malvar", value_name = "HOW", value_parser = parse_demosaic)]
+    demosaic: Demosaic,
+    /// Brighten (or darken, below 0) by this many stops
+    #[arg(long, value_name = "EV", allow_negative_numbers = true, value_parser = parse_exposure)]
+    exposure: Option<f32>,
+    /// Leave out a step: black-level, hot-pixels, vignetting, white-balance, highlights or colour-matrix
+    #[arg(long, value_name = "STEP", value_parser = parse_step)]
+    without: Vec<Step>,
+    /// Do not keep the measured samples (samples.npz)
+    #[arg(long)]
+    no_samples: bool,
+    /// Replace what stands at --out
+    #[arg(short, long)]
+    force: bool,
+}
+
+/// `--size`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Size {
+    Longer(usize),
+    Exactly(usize, usize),
+    Native,
+}
+
+impl std::str::FromStr for Size {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let side = |t: &str| t.parse().ok().filter(|n| (1..=lightfield::MAX_SIDE).contains(n));
+        let parsed = match (text, text.split_once('x')) {
+            ("native", _) => Some(Size::Native),
+            (_, Some((w, h))) => side(w).zip(side(h)).map(|(w, h)| Size::Exactly(w, h)),
+            _ => side(text).map(Size::Longer),
+        };
+        parsed.ok_or_else(|| {
+            format!("no size `{text}`: a number of pixels up to {}, WIDTHxHEIGHT, or native", lightfield::MAX_SIDE)
+        })
+    }
+}
+
+fn parse_white_balance(text: &str) -> Result<WhiteBalance, String> {
+    match text {
+        "camera" => return Ok(WhiteBalance::Camera),
+        "auto" => return Ok(WhiteBalance::Auto),
+        _ => {}
+    }
+    let gains: Option<Vec<f32>> = text.split(',').map(|g| g.trim().parse().ok()).collect();
+    match gains.as_deref() {
+        Some(&[r, g, b]) if [r, g, b].iter().all(|&g| g > 0.0 && g < 1e3) => Ok(WhiteBalance::Gains([r, g, b])),
+        _ => Err("camera, auto, or three gains above 0 as in 1.2,1,1.6".into()),
+    }
+}
+
+fn parse_demosaic(text: &str) -> Result<Demosaic, String> {
+    match text {
+        "malvar" => Ok(Demosaic::Malvar),
+        "bilinear" => Ok(Demosaic::Bilinear),
+        _ => Err("malvar or bilinear".into()),
+    }
+}
+
+fn parse_exposure(text: &str) -> Result<f32, String> {
+    text.parse().ok().filter(|ev| (-32.0..=32.0).contains(ev)).ok_or_else(|| "stops from -32 to 32".into())
+}
+
+fn parse_step(text: &str) -> Result<Step, String> {
+    Ok(match text {
+        "black-level" => Step::BlackLevel,
+        "hot-pixels" => Step::HotPixels,
+        "vignetting" => Step::Vignetting,
+        "white-balance" => Step::WhiteBalance,
+        "highlights" => Step::Highlights,
+        "colour-matrix" => Step::ColourMatrix,
+        _ => return Err("black-level, hot-pixels, vignetting, white-balance, highlights or colour-matrix".into()),
+    })
+}
+
+impl Args {
+    fn format(&self) -> Format {
+        match (self.npy, self.mat, self.eslf) {
+            (true, ..) => Format::Npy,
+            (_, true, _) => Format::Mat,
+            (_, _, true) => Format::Eslf,
+            _ => Format::Directory,
+        }
+    }
+
+    fn ending(&self) -> &'static str {
+        match self.format() {
+            Format::Npy => ".npy",
+            Format::Mat => ".mat",
+            Format::Eslf => ".png",
+            Format::Directory => "",
+        }
+    }
+
+    fn decode_options(&self) -> decode::Options {
+        let mut steps = decode::default_steps();
+        for step in &mut steps {
+            if let Step::Demosaic(kind) = step {
+                *kind = self.demosaic;
+            }
+        }
+        steps.retain(|s| !self.without.contains(s));
+        steps.extend(self.exposure.map(Step::Exposure));
+        decode::Options { views: self.views, view_step: self.view_step, white_balance: self.white_balance, steps }
+    }
+
+    fn target(&self, samples: &HexSamples) -> Target {
+        match self.size {
+            Size::Longer(side) => Target::longer(samples.sensor, side),
+            Size::Exactly(width, height) => Target { width, height },
+            Size::Native => Target::native(samples),
+        }
+    }
+
+    fn check(&self) -> anyhow::Result<()> {
+        if self.views.is_multiple_of(2) || self.views > 15 {
+            return Err(Usage(format!("--views {}: it must be odd, 1 to 15", self.views)).into());
+        }
+        if !(self.view_step > 0.0 && self.view_step <= 4.0) {
+            return Err(Usage(format!("--view-step {}: it must be above 0, up to 4", self.view_step)).into());
+        }
+        match (self.method, self.base) {
+            (Method::Learned, Some(Method::Bicubic | Method::Learned)) => {
+                Err(Usage("--base must be barycentric, cubic or multiview".into()).into())
+            }
+            (Method::Learned, _) | (_, None) => Ok(()),
+            (method, Some(_)) => Err(Usage(format!("--base goes with --method learned, not {method}")).into()),
+        }
+    }
+}
+
+pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
+    args.check()?;
+    let (jobs, several) = inputs::jobs(&args.captures, &args.out, args.ending())?;
+    if !several && !args.force {
+        refuse_existing(&args.out)?;
+    }
+    let mut shelf = Shelf::open(args.calibration.as_deref(), context)?;
+    let mut done: Vec<Value> = Vec::new();
+    let mut skipped: Vec<&Job> = Vec::new();
+    let mut failed: Vec<String> = Vec::new();
+    for job in &jobs {
+        context.progress.check()?;
+        if several && !args.force && std::fs::symlink_metadata(&job.out).is_ok() {
+            skipped.push(job);
+            continue;
+        }
+        match one(args, job, &mut shelf, context) {
+            Ok(report) => done.push(report),
+            Err(e) if !several || e.is::<Interrupted>() || e.is::<Usage>() => return Err(e),
+            Err(e) => {
+                let line = format!("{e:#}").replace(['\n', '\r'], " ");
+                let name = job.capture.display().to_string();
+                context.progress.note(&format!(
+                    "failed: {}",
+                    if line.contains(&name) { line.clone() } else { format!("{name}: {line}") }
+                ));
+                failed.push(name);
+            }
+        }
+    }
+    if !several && let Some(report) = done.pop() {
+        return Ok(Outcome { text: describe(&report), json: report });
+    }
+    let summary = format!("{} decoded, {} there already, {} failed", done.len(), skipped.len(), failed.len());
+    if !failed.is_empty() {
+        anyhow::bail!("{summary}: {}", failed.join(", "));
+    }
+    let skipped: Vec<String> = skipped.iter().map(|j| j.out.display().to_string()).collect();
+    Ok(Outcome { json: json!({ "decoded": done, "skipped": skipped, "failed": [] }), text: summary })
+}
+
+fn refuse_existing(path: &Path) -> anyhow::Result<()> {
+    // Said before the work begins, not after it.
+    match std::fs::symlink_metadata(path) {
+        Ok(_) => Err(lenslet_core::output::Error::Exists(path.to_path_buf()).into()),
+        Err(_) => Ok(()),
+    }
+}
+
+/// Decodes one capture.
+fn one(args: &Args, job: &Job, shelf: &mut Shelf, context: &Context) -> anyhow::Result<Value> {
+    let started = Instant::now();
+    let progress = &context.progress;
+    let capture = container::open(&job.capture, args.profile.as_deref())?;
+    for warning in &capture.warnings {
+        progress.note(&format!("{}: {warning}", job.capture.display()));
+    }
+    let (calibration, reason) = shelf.choose(&capture, context)?;
+    progress.note(&format!("{}: calibration {reason}", job.capture.display()));
+    let read = started.elapsed();
+    let samples = decode::samples(&capture, calibration, &args.decode_options(), progress).map_err(|e| match e {
+        decode::Error::Interrupted => Interrupted.into(),
+        e => anyhow::Error::new(e).context(job.capture.display().to_string()),
+    })?;
+    let meta = describe_views(args, job, &capture, calibration, &samples, &reason);
+    drop(capture);
+    let sampled = started.elapsed();
+    let size = meta.size;
+    let mut sink = lightfield::create(&job.out, meta, args.format(), args.force)?;
+    let target = Target { width: size[1], height: size[0] };
+    let options =
+        RenderOptions { base: args.base.unwrap_or(RenderOptions::default().base), ..RenderOptions::default() };
+    let mut writing = std::time::Duration::ZERO;
+    let mut put = |v: usize, u: usize, view: &ndarray::Array3<f32>| -> anyhow::Result<()> {
+        let begin = Instant::now();
+        if args.linear {
+            sink.write(v, u, view)?;
+        } else {
+            sink.write(v, u, &resample::encode::srgb(view))?;
+        }
+        writing += begin.elapsed();
+        Ok(())
+    };
+    resample::render(&samples, &target, args.method, &options, &mut put, progress)
+        .map_err(|e| if progress.cancelled() { Interrupted.into() } else { e })?;
+    progress.check()?;
+    let kept = if args.no_samples { None } else { Some(keep_samples(args, job, &*sink, &samples)?) };
+    let begin = Instant::now();
+    sink.finish()?;
+    let total = started.elapsed();
+    Ok(json!({
+        "capture": job.capture.display().to_string(),
+        "out": job.out.display().to_string(),
+        "calibration": reason,
+        "method": args.method.name(),
+        "views": [args.views, args.views],
+        "size": size,
+        "lenslets": samples.centres.len(),
+        "samples": kept,
+        "seconds": {
+            "read": read.as_secs_f64(),
+            "sample": (sampled - read).as_secs_f64(),
+            "render": (total - sampled - writing - begin.elapsed()).as_secs_f64(),
+            "encode_and_write": (writing + begin.elapsed()).as_secs_f64(),
+            "total": total.as_secs_f64(),
+        },
+    }))
+}
+
+/// Writes `samples.npz` into the light field's folder, or beside a light field that is one file.
+fn keep_samples(
+    args: &Args,
+    job: &Job,
+    sink: &dyn lightfield::ViewSink,
+    samples: &HexSamples,
+) -> anyhow::Result<String> {
+    if let Some(folder) = sink.folder() {
+        npz::write(&folder.join(npz::SAMPLES), samples)?;
+        return Ok(job.out.join(npz::SAMPLES).display().to_string());
+    }
+    let path = job.out.with_extension(npz::SAMPLES);
+    npz::save(&path, samples, args.force)?;
+    Ok(path.display().to_string())
+}
+
+fn describe_views(
+    args: &Args,
+    job: &Job,
+    capture: &Capture,
+    calibration: &Calibration,
+    samples: &HexSamples,
+    reason: &str,
+) -> Meta {
+    let target = args.target(samples);
+    let colour = if args.linear { ColourSpace::Linear } else { ColourSpace::Srgb };
+    let n = args.views;
+    let mut meta = Meta::new([n, n], [target.height, target.width], samples.values.dim().2, colour);
+    meta.pitch = Some(calibration.lattice.pitch() * target.width as f64 / samples.sensor.0 as f64);
+    meta.rotation = Some(calibration.lattice.rotation());
+    meta.method = Some(args.method.name().into());
+    let name = job.capture.file_name().map(|n| n.to_string_lossy().into_owned());
+    meta.provenance.push(json!({
+        "tool": "lenslet",
+        "version": env!("CARGO_PKG_VERSION"),
+        "command": "decode",
+        "input": name,
+        "sha256": capture.source_sha256,
+        "calibration": reason,
+        "calibration_sources": calibration.origin.sources,
+        "method": args.method.name(),
+        "base": (args.method == Method::Learned).then(|| args.base.unwrap_or(RenderOptions::default().base).name()),
+        "view_step": args.view_step,
+        "steps": args.decode_options().steps.iter().map(|s| format!("{s:?}")).collect::<Vec<_>>(),
+        "white_balance": format!("{:?}", args.white_balance),
+    }));
+    meta
+}
+
+fn describe(report: &Value) -> String {
+    let size = &report["size"];
+    let seconds = report["seconds"]["total"].as_f64().unwrap_or(0.0);
+    let share = report["seconds"]["encode_and_write"].as_f64().unwrap_or(0.0) / seconds.max(1e-9);
+    format!(
+        "{}\n{}x{} views of {}x{} pixels by {}, from {} lenslets, in {seconds:.1} s ({:.0} % encoding and writing)",
+        report["out"].as_str().unwrap_or_default(),
+        report["views"][0],
+        report["views"][1],
+        size[1],
+        size[0],
+        report["method"].as_str().unwrap_or_default(),
+        report["lenslets"],
+        100.0 * share,
+    )
 }

@@ -6,6 +6,7 @@
 pub mod barycentric;
 pub mod bicubic;
 pub mod cubic;
+pub mod encode;
 pub mod multiview;
 
 use std::fmt;

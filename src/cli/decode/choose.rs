@@ -1,0 +1,162 @@
+//! Which calibration belongs to a capture, with the reason, and what else was there when none does.
+
+use std::path::{Path, PathBuf};
+
+use lenslet_core::calibration::{self, Calibration, Options};
+use lenslet_core::container::{CameraFacts, Capture};
+use lenslet_core::progress::Observer;
+
+use crate::cli::{Context, Usage};
+
+/// What is known of one calibration file without keeping it in memory.
+struct Candidate {
+    path: PathBuf,
+    size: (usize, usize),
+    origin: calibration::Origin,
+}
+
+/// Calibrations to choose from; the last one used stays loaded.
+pub struct Shelf {
+    candidates: Vec<Candidate>,
+    place: Option<PathBuf>,
+    last: Option<(PathBuf, Calibration)>,
+}
+
+impl Shelf {
+    /// Opens a calibration file, or a folder of them. Without either, captures must carry their own white image.
+    pub fn open(path: Option<&Path>, context: &Context) -> anyhow::Result<Shelf> {
+        let mut shelf = Shelf { candidates: Vec::new(), place: path.map(Path::to_path_buf), last: None };
+        let Some(path) = path else { return Ok(shelf) };
+        if !path.is_dir() {
+            shelf.add(path)?;
+            return Ok(shelf);
+        }
+        let failed = |e: std::io::Error| anyhow::anyhow!("{}: {e}", path.display());
+        let mut files = Vec::new();
+        for entry in std::fs::read_dir(path).map_err(failed)? {
+            let file = entry.map_err(failed)?.path();
+            if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("calib")) {
+                files.push(file);
+            }
+        }
+        files.sort();
+        for file in files {
+            context.progress.check()?;
+            if let Err(e) = shelf.add(&file) {
+                context.progress.note(&format!("passed over: {e:#}"));
+            }
+        }
+        if shelf.candidates.is_empty() {
+            anyhow::bail!(
+                "{}: no calibration (.calib) in this folder; make one with `lenslet calibrate`",
+                path.display()
+            );
+        }
+        Ok(shelf)
+    }
+
+    fn add(&mut self, path: &Path) -> anyhow::Result<()> {
+        let found = calibration::load(path)?;
+        let (size, origin) = ((found.width, found.height), found.origin.clone());
+        self.candidates.push(Candidate { path: path.to_path_buf(), size, origin });
+        self.last = Some((path.to_path_buf(), found));
+        Ok(())
+    }
+
+    /// The calibration for `capture`, and why it was chosen.
+    pub fn choose(&mut self, capture: &Capture, context: &Context) -> anyhow::Result<(&Calibration, String)> {
+        if self.place.is_none() {
+            let Some(white) = &capture.white else {
+                return Err(
+                    Usage("--calibration is needed: the capture carries no white image of its own".into()).into()
+                );
+            };
+            let own = calibration::calibrate(std::slice::from_ref(&**white), &Options::default(), &context.progress)?;
+            let own = &self.last.insert((PathBuf::new(), own)).1;
+            return Ok((own, "made from the white image inside the capture".into()));
+        }
+        let size = (capture.mosaic.width, capture.mosaic.height);
+        let fitting: Vec<&Candidate> = self.candidates.iter().filter(|c| c.size == size).collect();
+        let camera = &capture.camera;
+        let same = |a: &Option<String>, b: &Option<String>| matches!((a, b), (Some(a), Some(b)) if a == b);
+        let other = |a: &Option<String>, b: &Option<String>| matches!((a, b), (Some(a), Some(b)) if a != b);
+        // Another body's lenslets lie elsewhere: never taken silently where both sides name theirs.
+        let best = fitting.iter().filter(|c| !other(&c.origin.serial, &camera.serial)).min_by_key(|c| {
+            (
+                !same(&c.origin.serial, &camera.serial),
+                steps(c.origin.zoom_step, camera.zoom_step),
+                steps(c.origin.focus_step, camera.focus_step),
+            )
+        });
+        let only = self.candidates.len() == 1;
+        let (path, reason) = match best {
+            Some(c) => (c.path.clone(), reason(c, camera, only)),
+            // A single calibration was named on purpose: the size decides, the serial is only told.
+            None if only && !fitting.is_empty() => {
+                let c = fitting[0];
+                let (theirs, ours) =
+                    (c.origin.serial.as_deref().unwrap_or("?"), camera.serial.as_deref().unwrap_or("?"));
+                (
+                    c.path.clone(),
+                    format!("the one given, although made for camera {theirs} and the capture is from {ours}"),
+                )
+            }
+            None => return Err(self.nothing(capture)),
+        };
+        if self.last.as_ref().is_none_or(|(p, _)| *p != path) {
+            self.last = Some((path.clone(), calibration::load(&path)?));
+        }
+        match &self.last {
+            Some((_, found)) => Ok((found, format!("{} ({reason})", path.display()))),
+            None => Err(self.nothing(capture)),
+        }
+    }
+
+    fn nothing(&self, capture: &Capture) -> anyhow::Error {
+        let camera = &capture.camera;
+        let place = self.place.as_deref().unwrap_or(Path::new("")).display();
+        let there: Vec<String> = self
+            .candidates
+            .iter()
+            .map(|c| {
+                let name = c.path.file_name().unwrap_or_default().to_string_lossy();
+                let serial = c.origin.serial.as_deref().unwrap_or("no serial");
+                format!("{name}: {}x{}, {serial}", c.size.0, c.size.1)
+            })
+            .collect();
+        anyhow::anyhow!(
+            "{place}: no calibration for this camera ({}x{}, serial {}); there are: {}",
+            capture.mosaic.width,
+            capture.mosaic.height,
+            camera.serial.as_deref().unwrap_or("unknown"),
+            there.join("; ")
+        )
+    }
+}
+
+/// Distance of stepper positions; unknown counts as farthest.
+fn steps(a: Option<i64>, b: Option<i64>) -> u64 {
+    match (a, b) {
+        (Some(a), Some(b)) => a.abs_diff(b),
+        _ => u64::MAX,
+    }
+}
+
+fn reason(c: &Candidate, camera: &CameraFacts, only: bool) -> String {
+    let mut parts = Vec::new();
+    if only {
+        parts.push("the one given".to_string());
+    }
+    match (&c.origin.serial, &camera.serial) {
+        (Some(a), Some(_)) => parts.push(format!("same camera {a}")),
+        _ => parts.push("same sensor size".into()),
+    }
+    for (name, a, b) in
+        [("zoom", c.origin.zoom_step, camera.zoom_step), ("focus", c.origin.focus_step, camera.focus_step)]
+    {
+        if let (Some(a), Some(b)) = (a, b) {
+            parts.push(if a == b { format!("same {name} {a}") } else { format!("nearest {name} {a} to {b}") });
+        }
+    }
+    parts.join(", ")
+}
