@@ -11,7 +11,7 @@ mod tensor;
 
 use lenslet_core::progress::Observer;
 use ndarray::{Array2, ArrayView5, s};
-pub use planes::{LUMINANCE, Plane, luminance};
+pub use planes::{LUMINANCE, Plane, cubic_weights, luminance};
 use rayon::prelude::*;
 
 /// How disparity is estimated.

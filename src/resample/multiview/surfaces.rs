@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::{Bundle, Options};
 use crate::apps::disparity::{self, Disparity, Plane};
+use crate::apps::relief::carry_plane;
 
 /// Disparity maps of all views on a common working grid.
 pub struct Surfaces {
@@ -65,7 +66,7 @@ impl Surfaces {
         let front = front(&central, &grid, scale, (rows, columns));
         let maps = (0..rows * columns)
             .into_par_iter()
-            .map(|k| carry(&central, scale, step((rows, columns), k), front))
+            .map(|k| carry_plane(&central, scale, step((rows, columns), k), front))
             .collect();
         Ok(Surfaces { rows, columns, maps, scale, front, middle })
     }
@@ -106,75 +107,6 @@ pub(super) fn step(views: (usize, usize), k: usize) -> [f32; 2] {
     [u as f32 - (views.1 / 2) as f32, v as f32 - (views.0 / 2) as f32]
 }
 
-/// The middle view's disparity as the view at offset `step` sees it.
-fn carry(central: &Plane, scale: [f32; 2], step: [f32; 2], front: f32) -> Plane {
-    if step == [0.0, 0.0] {
-        return central.clone();
-    }
-    let (w, h) = (central.width, central.height);
-    let mut out = Plane::filled(w, h, f32::NAN);
-    for t in 0..h {
-        for s in 0..w {
-            let d = central.data[t * w + s];
-            let (x, y) = (s as f32 + d * step[0] / scale[0], t as f32 + d * step[1] / scale[1]);
-            let (x0, y0) = (x.floor(), y.floor());
-            for (px, py) in [(x0, y0), (x0 + 1.0, y0), (x0, y0 + 1.0), (x0 + 1.0, y0 + 1.0)] {
-                // A pixel covers what is within 0.75 of it: no cracks in slanted surfaces, little overhang at edges.
-                if (px - x).abs() > 0.75
-                    || (py - y).abs() > 0.75
-                    || px < 0.0
-                    || py < 0.0
-                    || px >= w as f32
-                    || py >= h as f32
-                {
-                    continue;
-                }
-                let cell = &mut out.data[py as usize * w + px as usize];
-                if cell.is_nan() || front * d > front * *cell {
-                    *cell = d;
-                }
-            }
-        }
-    }
-    fill(&mut out, front);
-    out
-}
-
-/// Fills what no surface covered from its neighbours, the one furthest behind, ring by ring.
-fn fill(plane: &mut Plane, front: f32) {
-    let (w, h) = (plane.width, plane.height);
-    let mut empty: Vec<usize> = (0..w * h).filter(|&k| plane.data[k].is_nan()).collect();
-    while !empty.is_empty() {
-        let found: Vec<(usize, f32)> = empty
-            .iter()
-            .filter_map(|&k| {
-                let (s, t) = (k % w, k / w);
-                let mut best = f32::NAN;
-                for y in t.saturating_sub(1)..=(t + 1).min(h - 1) {
-                    for x in s.saturating_sub(1)..=(s + 1).min(w - 1) {
-                        let d = plane.data[y * w + x];
-                        if !d.is_nan() && (best.is_nan() || front * d < front * best) {
-                            best = d;
-                        }
-                    }
-                }
-                (!best.is_nan()).then_some((k, best))
-            })
-            .collect();
-        if found.is_empty() {
-            // Nothing anywhere: no surface at all.
-            for k in empty {
-                plane.data[k] = 0.0;
-            }
-            return;
-        }
-        for &(k, d) in &found {
-            plane.data[k] = d;
-        }
-        empty.retain(|&k| plane.data[k].is_nan());
-    }
-}
-
 /// Whether nearer surfaces have the smaller (−1) or the larger (+1) disparity: whichever explains the corner views better.
 /// Light fields whose views are numbered against the camera's movement have it the other way round.
 fn front(central: &Plane, grid: &[Vec<Plane>], scale: [f32; 2], views: (usize, usize)) -> f32 {
@@ -186,7 +118,7 @@ fn front(central: &Plane, grid: &[Vec<Plane>], scale: [f32; 2], views: (usize, u
         let k = v * columns + u;
         let offset = step(views, k);
         for (sign, e) in [-1f32, 1.0].into_iter().zip(&mut error) {
-            let map = carry(central, scale, offset, sign);
+            let map = carry_plane(central, scale, offset, sign);
             for t in 0..map.height {
                 for s in 0..map.width {
                     let d = map.data[t * map.width + s];

@@ -1,0 +1,145 @@
+//! Views from between the views: each pixel's disparity tells where the neighbouring views saw the same point.
+
+use anyhow::{Result, ensure};
+use ndarray::{Array2, Array3, ArrayView5};
+use rayon::prelude::*;
+
+use super::relief;
+
+/// How the viewpoint moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Path {
+    /// Around the middle view.
+    Circle,
+    /// Left and right.
+    Horizontal,
+    /// Up and down.
+    Vertical,
+}
+
+/// `frames` viewpoints (u, v) from the middle view, `radius` view steps away at most; the last joins the first.
+pub fn viewpoints(path: Path, radius: f32, frames: usize) -> Vec<[f32; 2]> {
+    (0..frames)
+        .map(|k| {
+            let angle = std::f32::consts::TAU * k as f32 / frames as f32;
+            match path {
+                Path::Circle => [radius * angle.cos(), radius * angle.sin()],
+                Path::Horizontal => [radius * angle.sin(), 0.0],
+                Path::Vertical => [0.0, radius * angle.sin()],
+            }
+        })
+        .collect()
+}
+
+/// The view from (`u`, `v`) view steps right of and below the middle view of `data` (v, u, t, s, c), `disparity` being the
+/// middle view's (t, s); what has the disparity `hold` stays where it is in the frame. Shape (t, s, c).
+///
+/// # Errors
+/// A viewpoint outside of the views; a disparity map of another size.
+pub fn view(
+    data: &ArrayView5<f32>,
+    disparity: &Array2<f32>,
+    front: f32,
+    [u, v]: [f32; 2],
+    hold: f32,
+) -> Result<Array3<f32>> {
+    let (rows, columns, height, width, channels) = data.dim();
+    ensure!(
+        disparity.dim() == (height, width),
+        "the disparity has {:?} pixels, the views {height}x{width}",
+        disparity.dim()
+    );
+    let (gu, gv) = (u + (columns / 2) as f32, v + (rows / 2) as f32);
+    let inside = gu >= 0.0 && gv >= 0.0 && gu <= (columns - 1) as f32 && gv <= (rows - 1) as f32;
+    ensure!(inside, "the viewpoint {u},{v} is outside of the {rows}x{columns} views");
+    ensure!(hold.is_finite(), "the disparity to hold is not a number");
+    let map = relief::carry(disparity, [u, v], front);
+    let (u0, v0) = (gu as usize, gv as usize);
+    let (fu, fv) = (gu - u0 as f32, gv - v0 as f32);
+    let mut near = Vec::new();
+    for (dv, wv) in [(0, 1.0 - fv), (1, fv)] {
+        for (du, wu) in [(0, 1.0 - fu), (1, fu)] {
+            if wv * wu > 1e-4 {
+                let (kv, ku) = ((v0 + dv).min(rows - 1), (u0 + du).min(columns - 1));
+                near.push((kv, ku, [ku as f32 - gu, kv as f32 - gv], wv * wu));
+            }
+        }
+    }
+    let mut out = Array3::<f32>::zeros((height, width, channels));
+    let Some(flat) = out.as_slice_mut() else { anyhow::bail!("the image is not contiguous") };
+    let (right, bottom) = ((width - 1) as f32, (height - 1) as f32);
+    flat.par_chunks_mut(width * channels).enumerate().for_each(|(t, row)| {
+        for (s, pixel) in row.chunks_exact_mut(channels).enumerate() {
+            // The frame follows the held surface.
+            let (x, y) = ((s as f32 + hold * u).clamp(0.0, right), (t as f32 + hold * v).clamp(0.0, bottom));
+            let d = map[[(y + 0.5) as usize, (x + 0.5) as usize]];
+            for &(kv, ku, [du, dv], w) in &near {
+                let (px, py) = ((x + d * du).clamp(0.0, right), (y + d * dv).clamp(0.0, bottom));
+                let (x0, y0) = (px as usize, py as usize);
+                let (x1, y1) = ((x0 + 1).min(width - 1), (y0 + 1).min(height - 1));
+                let (fx, fy) = (px - x0 as f32, py - y0 as f32);
+                for (k, p) in pixel.iter_mut().enumerate() {
+                    let upper = data[[kv, ku, y0, x0, k]] * (1.0 - fx) + data[[kv, ku, y0, x1, k]] * fx;
+                    let lower = data[[kv, ku, y1, x0, k]] * (1.0 - fx) + data[[kv, ku, y1, x1, k]] * fx;
+                    *p += w * (upper * (1.0 - fy) + lower * fy);
+                }
+            }
+        }
+    });
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::{Array5, s};
+
+    fn plane(d: f32) -> Array5<f32> {
+        Array5::from_shape_fn((3, 3, 24, 30, 1), |(v, u, t, s, _)| {
+            let (x, y) = (s as f32 - d * (u as f32 - 1.0), t as f32 - d * (v as f32 - 1.0));
+            0.5 + 0.2 * (0.4 * x).sin() + 0.2 * (0.3 * y + 0.2 * x).cos()
+        })
+    }
+
+    #[test]
+    fn a_measured_viewpoint_is_the_measured_view() {
+        let field = plane(0.7);
+        let map = Array2::from_elem((24, 30), 0.7);
+        let found = view(&field.view(), &map, -1.0, [1.0, -1.0], 0.0).unwrap();
+        let off = (&found - &field.slice(s![0, 2, .., .., ..])).mapv(f32::abs);
+        assert!(off.iter().all(|d| *d < 1e-5));
+    }
+
+    #[test]
+    fn half_a_step_moves_half_the_disparity() {
+        let field = plane(0.8);
+        let map = Array2::from_elem((24, 30), 0.8);
+        let found = view(&field.view(), &map, -1.0, [0.5, 0.0], 0.0).unwrap();
+        for t in 4..20 {
+            for s in 4..26 {
+                let (x, y) = (s as f32 - 0.4, t as f32);
+                let truth = 0.5 + 0.2 * (0.4 * x).sin() + 0.2 * (0.3 * y + 0.2 * x).cos();
+                assert!((found[[t, s, 0]] - truth).abs() < 0.01);
+            }
+        }
+    }
+
+    #[test]
+    fn the_held_plane_stands_still() {
+        let field = plane(0.8);
+        let map = Array2::from_elem((24, 30), 0.8);
+        let found = view(&field.view(), &map, -1.0, [0.7, 0.4], 0.8).unwrap();
+        let off = (&found - &field.slice(s![1, 1, .., .., ..])).mapv(f32::abs);
+        assert!(off.slice(s![3..21, 3..27, ..]).iter().all(|d| *d < 0.02));
+    }
+
+    #[test]
+    fn paths_close_and_stay_within_the_radius() {
+        for path in [Path::Circle, Path::Horizontal, Path::Vertical] {
+            let list = viewpoints(path, 2.5, 24);
+            assert_eq!(list.len(), 24);
+            assert!(list.iter().all(|[u, v]| u.hypot(*v) < 2.5001));
+        }
+        assert!(view(&plane(0.0).view(), &Array2::zeros((24, 30)), -1.0, [1.5, 0.0], 0.0).is_err());
+    }
+}
