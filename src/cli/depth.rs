@@ -1,11 +1,131 @@
-//! `lenslet depth`
+//! `lenslet depth`: how far things are, as disparity.
 
-use super::{Context, Outcome};
+use std::path::{Path, PathBuf};
 
-/// depth
+use anyhow::Context as _;
+use lenslet::apps::{disparity, picture, relief};
+use lenslet::resample::multiview::front_of;
+use lenslet_core::output::Pending;
+use lenslet_core::progress::Observer;
+use ndarray::{Array2, s};
+use serde_json::{Value, json};
+
+use super::refocus::load;
+use super::score::parse_views;
+use super::{Context, Outcome, Usage};
+
+/// Disparity and confidence of a light field's middle view: PFM, 16-bit PNG, colour picture, point cloud
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(after_help = "\
+Example: lenslet depth decoded/ --out depth/
 
-pub fn run(_args: &Args, _context: &Context) -> anyhow::Result<Outcome> {
-    anyhow::bail!("not built yet")
+Writes disparity.pfm, confidence.pfm, disparity.png (16 bits, from the smallest to the largest disparity found; see
+depth.json), colours.png, points.ply. Disparity D: what is at x in the middle view is at x + D·u in the view u steps
+to the right. The HCI benchmark counts it the other way round: compare with --truth gt.pfm --truth-scale=-1.")]
+pub struct Args {
+    /// The light field
+    light_field: PathBuf,
+    /// Disparities to look for (default: found from the light field)
+    #[arg(long, value_name = "FROM:TO", allow_hyphen_values = true)]
+    range: Option<String>,
+    /// Compare with this true disparity (.pfm or .npy of the view's size)
+    #[arg(long, value_name = "FILE")]
+    truth: Option<PathBuf>,
+    /// Multiply the truth by this first
+    #[arg(long, default_value_t = 1.0, value_name = "FACTOR", allow_hyphen_values = true)]
+    truth_scale: f32,
+    /// Leave out this many pixels on each side when comparing
+    #[arg(long, default_value_t = 15, value_name = "PIXELS")]
+    border: usize,
+    /// Leave points less confident than this out of the point cloud
+    #[arg(long, default_value_t = 0.2, value_name = "0..1")]
+    confident: f32,
+    /// Views (N or ROWSxCOLUMNS) of files that do not say so
+    #[arg(long, value_name = "N", value_parser = parse_views)]
+    views: Option<[usize; 2]>,
+    /// Directory to write
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Replace what is there
+    #[arg(long)]
+    force: bool,
+}
+
+pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
+    let range = match &args.range {
+        None => None,
+        Some(text) => {
+            let number = |t: &str| t.trim().parse::<f32>().ok();
+            match text.split_once(':').and_then(|(a, b)| number(a).zip(number(b))) {
+                Some((a, b)) if a < b && a.abs().max(b.abs()) < 1e4 => Some((a, b)),
+                _ => return Err(Usage(format!("--range {text} is not FROM:TO, as in --range=-2:2")).into()),
+            }
+        }
+    };
+    context.progress.begin("reading", 0);
+    let field = load(&args.light_field, args.views)?;
+    context.progress.check()?;
+    let options = disparity::Options { linear: true, range, ..disparity::Options::default() };
+    let start = std::time::Instant::now();
+    let found = disparity::estimate(&field.data.view(), &options, &context.progress)?;
+    let seconds = start.elapsed().as_secs_f64();
+    let front = front_of(&field.data.view(), &found.disparity)?;
+
+    let [rows, columns] = field.meta.views;
+    let middle = picture::from_linear(&field.data.slice(s![rows / 2, columns / 2, .., .., ..]));
+    let lo = found.disparity.iter().copied().fold(f32::INFINITY, f32::min);
+    let hi = found.disparity.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+    let span = if hi > lo { hi - lo } else { 1.0 };
+    // Near is bright.
+    let near = found.disparity.mapv(|d| front * d);
+    let ends = if front < 0.0 { (-hi, -lo) } else { (lo, hi) };
+    let depth = 0.25 * middle.width as f32;
+    let mean = f64::from(found.confidence.mean().unwrap_or(0.0));
+    let mut json = json!({
+        "out": args.out, "smallest": lo, "largest": hi, "nearer_is": if front < 0.0 { "smaller" } else { "larger" },
+        "mean_confidence": mean, "seconds": seconds,
+    });
+    if let Some(path) = &args.truth {
+        json["truth"] = compare(path, args, &found)?;
+    }
+    let pending = Pending::directory(&args.out, args.force)?;
+    let write = |name: &str, bytes: Vec<u8>| {
+        std::fs::write(pending.path().join(name), bytes)
+            .with_context(|| format!("cannot write {}", args.out.join(name).display()))
+    };
+    write("disparity.pfm", relief::pfm(&found.disparity))?;
+    write("confidence.pfm", relief::pfm(&found.confidence))?;
+    write("disparity.png", picture::png_grey16(&found.disparity.mapv(|d| (d - lo) / span))?)?;
+    write("colours.png", picture::png(&relief::colours(&near.view(), ends))?)?;
+    write("points.ply", relief::ply(&found.disparity, &found.confidence, &middle, front, depth, args.confident)?)?;
+    write("depth.json", serde_json::to_vec_pretty(&json)?)?;
+    pending.commit()?;
+    let mut text =
+        format!("disparity {lo:.3} to {hi:.3}, mean confidence {mean:.2}, {seconds:.1} s: {}", args.out.display());
+    if let Some(all) = json.get("truth").and_then(|t| t.get("all")) {
+        text.push_str(&format!("\nagainst the truth: {all}"));
+    }
+    Ok(Outcome { json, text })
+}
+
+fn compare(path: &Path, args: &Args, found: &disparity::Disparity) -> anyhow::Result<Value> {
+    let name = path.display();
+    let mut truth: Array2<f32> = if super::refocus::ending(path) == "npy" {
+        ndarray_npy::read_npy(path).with_context(|| format!("{name} is not an .npy of two dimensions of f32"))?
+    } else {
+        relief::read_pfm(&std::fs::read(path).with_context(|| format!("cannot read {name}"))?)
+            .with_context(|| format!("{name}"))?
+    };
+    truth.mapv_inplace(|d| d * args.truth_scale);
+    anyhow::ensure!(
+        truth.dim() == found.disparity.dim(),
+        "{name} has {:?} pixels, the views {:?}",
+        truth.dim(),
+        found.disparity.dim()
+    );
+    let told = |least: f32| {
+        relief::errors(&found.disparity, &truth, args.border, 0.07, |t, s| found.confidence[[t, s]] >= least)
+            .map(|e| json!({ "bad_0.07": e.bad, "mse_x100": e.mse100, "median": e.median, "pixels": e.pixels }))
+    };
+    Ok(json!({ "all": told(0.0), "confident_0.5": told(0.5) }))
 }

@@ -1,11 +1,101 @@
-//! `lenslet viewpoint`
+//! `lenslet viewpoint`: an animation of the viewpoint moving.
 
-use super::{Context, Outcome};
+use std::path::PathBuf;
 
-/// viewpoint
+use lenslet::apps::{disparity, picture, viewpoint};
+use lenslet::resample::multiview::front_of;
+use lenslet_core::progress::Observer;
+use serde_json::json;
+
+use super::refocus::{ending, load, write_pictures};
+use super::score::parse_views;
+use super::{Context, Outcome, Usage};
+
+/// Move the viewpoint: an animation from all around or side to side
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(after_help = "\
+Example: lenslet viewpoint decoded/ --path circle --out wiggle.gif
 
-pub fn run(_args: &Args, _context: &Context) -> anyhow::Result<Outcome> {
-    anyhow::bail!("not built yet")
+Views between the measured ones follow each pixel's disparity. The output's name decides: .gif an animation, anything
+else a directory of numbered PNGs.")]
+pub struct Args {
+    /// The light field
+    light_field: PathBuf,
+    /// How the viewpoint moves
+    #[arg(long, default_value = "circle", value_parser = ["circle", "horizontal", "vertical"])]
+    path: String,
+    /// How far, in view steps (default: to the outermost views)
+    #[arg(long, value_name = "STEPS")]
+    radius: Option<f32>,
+    /// Pictures in the animation
+    #[arg(long, default_value_t = 24, value_name = "N", value_parser = clap::value_parser!(u16).range(2..=1000))]
+    frames: u16,
+    /// What has this disparity stands still (default: the median)
+    #[arg(long, value_name = "D", allow_hyphen_values = true)]
+    hold: Option<f32>,
+    /// Make the longer side at most this many pixels
+    #[arg(long, default_value_t = 720, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..))]
+    side: u32,
+    /// Views (N or ROWSxCOLUMNS) of files that do not say so
+    #[arg(long, value_name = "N", value_parser = parse_views)]
+    views: Option<[usize; 2]>,
+    /// Where to write
+    #[arg(long, value_name = "FILE.gif|DIR")]
+    out: PathBuf,
+    /// Replace what is there
+    #[arg(long)]
+    force: bool,
+}
+
+pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
+    if ending(&args.out) == "png" {
+        return Err(Usage("an animation needs an --out that is a .gif or a directory, not one .png".into()).into());
+    }
+    if args.radius.is_some_and(|r| !(r.is_finite() && r > 0.0)) || args.hold.is_some_and(|d| !d.is_finite()) {
+        return Err(Usage("--radius must be above 0, --hold a number".into()).into());
+    }
+    context.progress.begin("reading", 0);
+    let field = load(&args.light_field, args.views)?;
+    context.progress.check()?;
+    let [rows, columns] = field.meta.views;
+    let path = match args.path.as_str() {
+        "horizontal" => viewpoint::Path::Horizontal,
+        "vertical" => viewpoint::Path::Vertical,
+        _ => viewpoint::Path::Circle,
+    };
+    // Of an even number of views the middle one has fewer to its right and below.
+    let (wide, high) = ((columns - 1 - columns / 2) as f32, (rows - 1 - rows / 2) as f32);
+    let most = match path {
+        viewpoint::Path::Horizontal => wide,
+        viewpoint::Path::Vertical => high,
+        viewpoint::Path::Circle => wide.min(high),
+    };
+    let radius = args.radius.unwrap_or(most);
+    if radius > most || most == 0.0 {
+        return Err(Usage(format!(
+            "the viewpoint can move at most {most} view steps that way in {rows}x{columns} views"
+        ))
+        .into());
+    }
+    let options = disparity::Options { linear: true, ..disparity::Options::default() };
+    let found = disparity::estimate(&field.data.view(), &options, &context.progress)?;
+    let front = front_of(&field.data.view(), &found.disparity)?;
+    let hold = args.hold.unwrap_or_else(|| {
+        let mut list: Vec<f32> = found.disparity.iter().copied().collect();
+        list.sort_unstable_by(f32::total_cmp);
+        list[list.len() / 2]
+    });
+    let list = viewpoint::viewpoints(path, radius, args.frames.into());
+    context.progress.begin("moving", list.len() as u64);
+    let mut pictures = Vec::with_capacity(list.len());
+    for at in &list {
+        context.progress.check()?;
+        let image = viewpoint::view(&field.data.view(), &found.disparity, front, *at, hold)?;
+        pictures.push(picture::from_linear(&picture::shrink(&image.view(), args.side as usize).view()));
+        context.progress.advance(1);
+    }
+    write_pictures(&args.out, args.force, &pictures, 6, "frame")?;
+    let text = format!("{} frames, radius {radius} view steps: {}", pictures.len(), args.out.display());
+    let json = json!({ "out": args.out, "frames": pictures.len(), "radius": radius, "hold": hold });
+    Ok(Outcome { json, text })
 }

@@ -15,7 +15,7 @@ use lenslet_core::lightfield::LightField;
 use lenslet_core::progress::Observer;
 use ndarray::Array3;
 use rayon::prelude::*;
-pub use surfaces::Surfaces;
+pub use surfaces::{Surfaces, front_of};
 
 use super::{Sink, Target};
 use crate::apps::disparity;

@@ -132,3 +132,20 @@ fn front(central: &Plane, grid: &[Vec<Plane>], scale: [f32; 2], views: (usize, u
     }
     if error[1] < 0.995 * error[0] { 1.0 } else { -1.0 }
 }
+
+/// Which surfaces are in front (see [`Surfaces::front`]) in the light field (v, u, t, s, c), given its middle view's disparity.
+///
+/// # Errors
+/// Views of other than one or three channels.
+pub fn front_of(data: &ndarray::ArrayView5<f32>, disparity: &Array2<f32>) -> Result<f32> {
+    let (rows, columns, ..) = data.dim();
+    let (height, width) = disparity.dim();
+    let mut grid = vec![vec![Plane::filled(1, 1, 0.0); columns]; rows];
+    for v in [0, rows / 2, rows - 1] {
+        for u in [0, columns / 2, columns - 1] {
+            grid[v][u] = disparity::luminance(&data.slice(ndarray::s![v, u, .., .., ..]))?;
+        }
+    }
+    let central = Plane { width, height, data: disparity.iter().copied().collect() };
+    Ok(front(&central, &grid, [1.0, 1.0], (rows, columns)))
+}
