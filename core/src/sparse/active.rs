@@ -3,14 +3,12 @@
 //! The support S with its signs θ holds φ_S = G_SS⁻¹(b_S − λθ). Each round looks in c = b − G φ for the atom that violates
 //! |c| ≤ λ most, lets it in, and moves to the new minimum; where a coefficient would change sign on the way, the move
 //! stops there and the atom leaves. The inverse of G_SS is kept explicitly and updated by rank one. Rounds look only at
-//! the few chunks of atoms that violated most when all were last looked at; when those are satisfied all are looked at
-//! again. All in f32: the result is a candidate for the f64 certificate; where that fails the f64 solver takes over.
+//! the few chunks of atoms that violated most when all were last looked at (see [`super::near`]). All in f32: the result
+//! is a candidate for the f64 certificate; where that fails the f64 solver takes over.
 
+use super::near::{MOST_NEAR, Newcomer};
 use super::prepared::Prepared;
 use super::simd::{Chunk, Lanes, flat, flat_mut};
-
-/// Most chunks of atoms that rounds look at.
-const MOST_NEAR: usize = 8;
 
 /// One signal's problem.
 pub(super) struct Task<'a> {
@@ -22,444 +20,290 @@ pub(super) struct Task<'a> {
     pub max_rounds: u32,
 }
 
-/// How far it came.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum End {
-    /// No atom outside the support is above the threshold; `outside` is the largest of them.
-    Settled { outside: f32 },
-    /// The cap on rounds.
-    Cap,
-    /// The support is full.
-    GaveUp,
-}
+/// Chunk i has a one in lane i.
+const UNITS: [Chunk; 16] = {
+    let mut units = [Chunk::ZERO; 16];
+    let mut i = 0;
+    while i < 16 {
+        units[i].0[i] = 1.0;
+        i += 1;
+    }
+    units
+};
 
-/// Scratch of one signal; afterwards the code is in `support` and `values()`.
-pub(super) struct State {
-    pub support: Vec<u32>,
+/// The state of one signal, for up to 16·C members of the support; C is a power of two, so that masks keep places inside.
+pub(super) struct State<const C: usize> {
+    /// Members of the support.
+    pub n: usize,
     pub rounds: u32,
-    /// Correlations D y of the atoms of the support.
-    held: Vec<f32>,
-    /// Chunks of a row of the vectors below.
-    wide: usize,
-    phi: Vec<Chunk>,
-    signs: Vec<Chunk>,
-    /// Rows of `wide` chunks; zero beyond the support.
-    inverse: Vec<Chunk>,
+    support: [[u32; 16]; C],
+    /// Correlations D y of the members.
+    held: [[f32; 16]; C],
+    /// What follows is zero beyond the support, except for `near_rows`.
+    pub phi: [Chunk; C],
+    signs: [Chunk; C],
+    inverse: [[[Chunk; C]; 16]; C],
     /// The chunks of atoms that rounds look at.
-    near: [u32; MOST_NEAR],
-    /// Those chunks of the support's Gram rows, `W` a member.
-    near_rows: Vec<Chunk>,
+    pub near: [u32; MOST_NEAR],
+    /// Those chunks of the members' Gram rows.
+    pub near_rows: [[[Chunk; MOST_NEAR]; 16]; C],
     /// Whether `near` belongs to this signal.
-    chosen: bool,
-    /// The largest condition of each chunk of atoms, when all were last looked at.
-    peaks: Vec<Chunk>,
-    column: Vec<Chunk>,
-    step: Vec<Chunk>,
-    target: Vec<Chunk>,
+    pub chosen: bool,
 }
 
-impl State {
-    pub fn new(dictionary: &Prepared) -> State {
-        let wide = dictionary.signal_len().min(dictionary.atom_count()).div_ceil(16);
+impl<const C: usize> State<C> {
+    pub fn new() -> State<C> {
         State {
-            support: Vec::with_capacity(wide * 16),
+            n: 0,
             rounds: 0,
-            held: Vec::with_capacity(wide * 16),
-            wide,
-            phi: vec![Chunk::ZERO; wide],
-            signs: vec![Chunk::ZERO; wide],
-            inverse: vec![Chunk::ZERO; wide * wide * 16],
+            support: [[0; 16]; C],
+            held: [[0.0; 16]; C],
+            phi: [Chunk::ZERO; C],
+            signs: [Chunk::ZERO; C],
+            inverse: [[[Chunk::ZERO; C]; 16]; C],
             near: [0; MOST_NEAR],
-            near_rows: vec![Chunk::ZERO; wide * 16 * MOST_NEAR],
+            near_rows: [[[Chunk::ZERO; MOST_NEAR]; 16]; C],
             chosen: false,
-            peaks: vec![Chunk::ZERO; dictionary.width().div_ceil(16)],
-            column: vec![Chunk::ZERO; wide],
-            step: vec![Chunk::ZERO; wide],
-            target: vec![Chunk::ZERO; wide],
         }
     }
 
-    /// Values of the support, in its order.
+    /// Most members.
+    #[inline(always)]
+    pub fn room(&self) -> usize {
+        16 * C
+    }
+
+    /// The support, in the order of its values.
+    #[inline(always)]
+    pub fn support(&self) -> &[u32] {
+        &self.support.as_flattened()[..self.n]
+    }
+
     #[inline(always)]
     pub fn values(&self) -> &[f32] {
-        &flat(&self.phi)[..self.support.len()]
+        &flat(&self.phi)[..self.n]
     }
 
-    /// Signs of the support, in its order.
+    #[inline(always)]
     pub fn signs(&self) -> &[f32] {
-        &flat(&self.signs)[..self.support.len()]
+        &flat(&self.signs)[..self.n]
     }
 
-    /// φ_S += G_SS⁻¹ ρ: one step of refinement for an error ρ of the support's conditions.
-    pub fn refine(&mut self, error: &[f32]) {
-        let wide = self.wide;
-        for (row, &e) in self.inverse.chunks_exact(wide).zip(error) {
+    /// φ_S += G_SS⁻¹ ρ: one step of refinement for an error ρ of the members' conditions. False when a sign changes.
+    pub fn refine(&mut self, error: &[f32]) -> bool {
+        for (row, &e) in self.inverse.as_flattened().iter().zip(error) {
             for (p, &v) in flat_mut(&mut self.phi).iter_mut().zip(flat(row)) {
                 *p += e * v;
             }
         }
+        self.values().iter().zip(self.signs()).all(|(&v, &s)| v * s >= 0.0)
     }
 
     /// Ready for another signal.
     #[inline(always)]
     pub fn clear(&mut self) {
-        let used = self.support.len();
-        let chunks = used.div_ceil(16);
-        for row in self.inverse.chunks_exact_mut(self.wide).take(used) {
+        let chunks = self.n.div_ceil(16);
+        for row in &mut self.inverse.as_flattened_mut()[..self.n] {
             row[..chunks].fill(Chunk::ZERO);
         }
         self.phi[..chunks].fill(Chunk::ZERO);
         self.signs[..chunks].fill(Chunk::ZERO);
-        self.support.clear();
-        self.held.clear();
+        self.n = 0;
         self.rounds = 0;
         self.chosen = false;
     }
+
+    /// Takes over from a smaller state.
+    pub fn grow_from(&mut self, small: &State<1>) {
+        self.clear();
+        self.n = small.n;
+        self.rounds = small.rounds;
+        self.support[0] = small.support[0];
+        self.held[0] = small.held[0];
+        self.phi[0] = small.phi[0];
+        self.signs[0] = small.signs[0];
+        for (to, from) in self.inverse[0].iter_mut().zip(&small.inverse[0]) {
+            to[0] = from[0];
+        }
+        self.near = small.near;
+        self.near_rows[0] = small.near_rows[0];
+        self.chosen = small.chosen;
+    }
 }
 
-/// What the next move is.
-pub(super) enum Next {
-    /// An atom enters; see [`enter`].
-    Enter(Newcomer),
-    /// Over.
-    Over(End),
-}
-
-/// The atom that enters: lane `lane` of the near chunk at place `at`.
-#[derive(Clone, Copy)]
-pub(super) struct Newcomer {
-    atom: usize,
-    at: usize,
-    lane: usize,
-}
-
-/// Looks for the atom that violates its condition most. `correlations` are those of the signal less λθ on the support.
+/// Chunks that `n` members fill; known when compiling where there is but one.
 #[inline(always)]
-pub(super) fn look<S: Lanes, const W: usize>(
-    lanes: S,
-    task: &Task<'_>,
-    correlations: &[Chunk],
-    state: &mut State,
-) -> Next {
-    if state.chosen
-        && let Some(next) = look_near::<S, W>(lanes, task, correlations, state)
-    {
-        return next;
-    }
-    let outside = look_everywhere(lanes, task, correlations, state);
-    if outside <= task.threshold {
-        return Next::Over(End::Settled { outside });
-    }
-    choose::<S, W>(lanes, task, outside, state);
-    look_near::<S, W>(lanes, task, correlations, state).unwrap_or(Next::Over(End::GaveUp))
-}
-
-/// The same among the near chunks; none when all there are satisfied.
-#[inline(always)]
-fn look_near<S: Lanes, const W: usize>(
-    lanes: S,
-    task: &Task<'_>,
-    correlations: &[Chunk],
-    state: &State,
-) -> Option<Next> {
-    let mut c = [lanes.splat(0.0); W];
-    for (c, &chunk) in c.iter_mut().zip(&state.near) {
-        *c = lanes.load(&correlations[chunk as usize]);
-    }
-    for (row, &value) in state.near_rows.chunks_exact(W).zip(state.values()) {
-        let value = lanes.splat(value);
-        for i in 0..W {
-            c[i] = lanes.fnma(value, lanes.load(&row[i]), c[i]);
-        }
-    }
-    let mut best = (lanes.splat(-1.0), lanes.splat(0.0));
-    for (i, &c) in c.iter().enumerate() {
-        let size = if task.nonnegative { c } else { lanes.abs(c) };
-        best = lanes.keep_larger(best, size, lanes.splat(i as f32));
-    }
-    let (value, at, lane) = lanes.largest(best);
-    if value <= task.threshold {
-        return None;
-    }
-    if state.rounds >= task.max_rounds {
-        return Some(Next::Over(End::Cap));
-    }
-    if state.support.len() >= state.wide * 16 {
-        return Some(Next::Over(End::GaveUp));
-    }
-    let at = at as usize;
-    let newcomer = Newcomer { atom: state.near[at] as usize * 16 + lane, at, lane };
-    let width = task.dictionary.width();
-    let row = &task.dictionary.gram()[newcomer.atom * width..][..width];
-    for &chunk in &state.near[..W] {
-        lanes.prefetch(&row[chunk as usize]);
-    }
-    Some(Next::Enter(newcomer))
-}
-
-/// The largest |c| (or c) over all atoms; that of each chunk goes into `state.peaks`.
-#[inline(always)]
-fn look_everywhere<S: Lanes>(lanes: S, task: &Task<'_>, correlations: &[Chunk], state: &mut State) -> f32 {
-    let mut from = 0;
-    if S::WIDE {
-        while from + 8 <= correlations.len() {
-            look_at_part::<S, 8>(lanes, task, correlations, from, state);
-            from += 8;
-        }
-    }
-    while from + 4 <= correlations.len() {
-        look_at_part::<S, 4>(lanes, task, correlations, from, state);
-        from += 4;
-    }
-    let mut most = (lanes.splat(0.0), lanes.splat(0.0));
-    for peaks in &state.peaks {
-        most = lanes.keep_larger(most, lanes.load(peaks), most.1);
-    }
-    lanes.largest(most).0
-}
-
-#[inline(always)]
-fn look_at_part<S: Lanes, const B: usize>(
-    lanes: S,
-    task: &Task<'_>,
-    correlations: &[Chunk],
-    from: usize,
-    state: &mut State,
-) {
-    let (width, gram) = (correlations.len(), task.dictionary.gram());
-    let own = &correlations[from..from + B];
-    let mut c = [lanes.splat(0.0); B];
-    for (c, own) in c.iter_mut().zip(own) {
-        *c = lanes.load(own);
-    }
-    for (&k, &value) in state.support.iter().zip(flat(&state.phi)) {
-        let row = &gram[k as usize * width + from..][..B];
-        let value = lanes.splat(value);
-        for i in 0..B {
-            c[i] = lanes.fnma(value, lanes.load(&row[i]), c[i]);
-        }
-    }
-    let peaks = &mut flat_mut(&mut state.peaks)[from..from + B];
-    for (c, peaks) in c.chunks_exact(4).zip(peaks.chunks_exact_mut(4)) {
-        let mut sizes = [c[0], c[1], c[2], c[3]];
-        if !task.nonnegative {
-            for size in &mut sizes {
-                *size = lanes.abs(*size);
-            }
-        }
-        peaks.copy_from_slice(&lanes.largest_of_each(sizes));
-    }
-}
-
-/// Makes (about) the `W` chunks with the highest peaks near; there is one above the threshold.
-#[inline(always)]
-fn choose<S: Lanes, const W: usize>(lanes: S, task: &Task<'_>, most: f32, state: &mut State) {
-    // A level that so many are above, by bisection; what does not fit is left for later.
-    let mut level = task.threshold;
-    if count_above(lanes, &state.peaks, level) > W as u32 {
-        let mut high = most;
-        for _ in 0..6 {
-            let middle = 0.5 * (level + high);
-            if count_above(lanes, &state.peaks, middle) > W as u32 {
-                level = middle;
-            } else {
-                high = middle;
-            }
-        }
-        if high < most {
-            level = high;
-        }
-    }
-    let mut chosen = 0;
-    for (i, peaks) in state.peaks.iter().enumerate() {
-        let mut mask = lanes.above(lanes.load(peaks), level);
-        while mask != 0 && chosen < W {
-            state.near[chosen] = i as u32 * 16 + mask.trailing_zeros();
-            mask &= mask - 1;
-            chosen += 1;
-        }
-    }
-    for i in chosen..W {
-        state.near[i] = state.near[0];
-    }
-    state.chosen = true;
-    let (width, gram) = (task.dictionary.width(), task.dictionary.gram());
-    for (near, &k) in state.near_rows.chunks_exact_mut(W).zip(&state.support) {
-        let row = &gram[k as usize * width..][..width];
-        for (near, &chunk) in near.iter_mut().zip(&state.near) {
-            *near = row[chunk as usize];
-        }
-    }
-}
-
-#[inline(always)]
-fn count_above<S: Lanes>(lanes: S, peaks: &[Chunk], level: f32) -> u32 {
-    let mut count = 0;
-    for peaks in peaks {
-        count += lanes.above(lanes.load(peaks), level).count_ones();
-    }
-    count
+fn chunks_of<const C: usize>(n: usize) -> usize {
+    if C == 1 { 1 } else { n.div_ceil(16).min(C) }
 }
 
 /// Lets an atom into the support and moves to the new minimum. False when that is too ill-conditioned for f32.
+/// `correlations` are those of the signal less λθ on the support.
 #[inline(always)]
-pub(super) fn enter<S: Lanes, const W: usize>(
+pub(super) fn enter<S: Lanes, const C: usize, const W: usize>(
     lanes: S,
     task: &Task<'_>,
     correlations: &mut [Chunk],
-    state: &mut State,
+    state: &mut State<C>,
     newcomer: Newcomer,
 ) -> bool {
     let Newcomer { atom, at, lane } = newcomer;
-    let (width, wide) = (task.dictionary.width(), state.wide);
+    let width = task.dictionary.width();
     state.rounds += 1;
-    let n = state.support.len();
-    let chunks = n / 16 + 1;
-    // g = G[j, S], u = G_SS⁻¹ g; rows and values beyond the support are zero, so fours may reach past it.
-    state.column[..chunks].fill(Chunk::ZERO);
-    for (g, row) in flat_mut(&mut state.column)[..n].iter_mut().zip(state.near_rows.chunks_exact(W)) {
-        *g = row[at].0[lane];
+    let n = state.n;
+    if n >= 16 * C {
+        return false;
     }
-    let fours = n.div_ceil(4);
-    let (mut fit, mut overlap) = (lanes.splat(0.0), lanes.splat(0.0));
+    let chunks = chunks_of::<C>(n + 1);
+    // g = G[j, S] and u = G_SS⁻¹ g. Fours of rows may reach past the support: there the inverse is zero.
+    let zero = lanes.splat(0.0);
+    let (mut fit, mut overlap) = (zero, zero);
+    let mut u = [zero; C];
     for v in 0..chunks {
-        let mut sums = [lanes.splat(0.0); 4];
-        let column = flat(&state.column).chunks_exact(4).take(fours);
-        for (rows, g) in state.inverse.chunks_exact(4 * wide).zip(column) {
+        let (mut sums, mut g) = ([zero; 4], [zero; 4]);
+        for first in (0..n).step_by(4) {
             for i in 0..4 {
-                sums[i] = lanes.fma(lanes.splat(g[i]), lanes.load(&rows[i * wide + v]), sums[i]);
+                let (block, row) = (((first + i) / 16) & (C - 1), (first + i) & 15);
+                let gi = lanes.splat(state.near_rows[block][row][at & 7].0[lane & 15]);
+                sums[i] = lanes.fma(gi, lanes.load(&state.inverse[block][row][v]), sums[i]);
+                if C == 1 || block == v {
+                    g[i] = lanes.fma(gi, lanes.load(&UNITS[row]), g[i]);
+                }
             }
         }
-        let u = lanes.add(lanes.add(sums[0], sums[2]), lanes.add(sums[1], sums[3]));
-        lanes.store(&mut state.step[v], u);
-        let g = lanes.load(&state.column[v]);
+        u[v] = lanes.add(lanes.add(sums[0], sums[2]), lanes.add(sums[1], sums[3]));
+        let g = lanes.add(lanes.add(g[0], g[2]), lanes.add(g[1], g[3]));
         fit = lanes.fma(g, lanes.load(&state.phi[v]), fit);
-        overlap = lanes.fma(g, u, overlap);
+        overlap = lanes.fma(g, u[v], overlap);
     }
     let row = &task.dictionary.gram()[atom * width..][..width];
     let own = flat(correlations)[atom];
     let pull = own - lanes.sum(fit);
-    let left = row[atom / 16].0[lane] - lanes.sum(overlap);
-    if left < 1e-4 {
-        return false;
-    }
+    let left = row[atom / 16].0[lane & 15] - lanes.sum(overlap);
     let sign = 1.0f32.copysign(pull);
     let inverse_left = 1.0 / left;
     let alpha = (pull - task.lambda * sign) * inverse_left;
-    if alpha * sign <= 0.0 {
+    // Also when something is not a number.
+    if !(left >= 1e-4 && alpha * sign > 0.0) {
         return false;
     }
     // With u extended by −1 for the newcomer, everything below is one rank-one formula.
-    flat_mut(&mut state.step)[n] = -1.0;
-    flat_mut(&mut state.signs)[n] = sign;
-    state.support.push(atom as u32);
-    state.held.push(own);
+    let (chunk, place) = (if C == 1 { 0 } else { n / 16 }, n & 15);
+    let unit = lanes.load(&UNITS[place]);
+    u[chunk] = lanes.fma(lanes.splat(-1.0), unit, u[chunk]);
+    let signs = lanes.fma(lanes.splat(sign), unit, lanes.load(&state.signs[chunk]));
+    lanes.store(&mut state.signs[chunk], signs);
+    state.support[chunk][place] = atom as u32;
+    state.held[chunk][place] = own;
+    state.n = n + 1;
     flat_mut(correlations)[atom] = own - task.lambda * sign;
-    for (near, &chunk) in state.near_rows[n * W..(n + 1) * W].iter_mut().zip(&state.near) {
+    for (near, &chunk) in state.near_rows[chunk][place].iter_mut().zip(&state.near).take(W) {
         *near = row[chunk as usize];
     }
     let mut flipped = false;
+    let mut target = [Chunk::ZERO; C];
+    let mut factors = [Chunk::ZERO; C];
     for v in 0..chunks {
-        let phi = lanes.fnma(lanes.splat(alpha), lanes.load(&state.step[v]), lanes.load(&state.phi[v]));
-        lanes.store(&mut state.target[v], phi);
+        lanes.store(&mut factors[v], lanes.mul(u[v], lanes.splat(inverse_left)));
+        let phi = lanes.fnma(lanes.splat(alpha), u[v], lanes.load(&state.phi[v]));
+        lanes.store(&mut target[v], phi);
         flipped |= lanes.any_negative(lanes.mul(phi, lanes.load(&state.signs[v])));
     }
-    let fours = (n + 1).div_ceil(4);
-    for v in 0..chunks {
-        let u = lanes.load(&state.step[v]);
-        let steps = flat(&state.step).chunks_exact(4).take(fours);
-        for (rows, ui) in state.inverse.chunks_exact_mut(4 * wide).zip(steps) {
-            for i in 0..4 {
-                let row = &mut rows[i * wide + v];
-                let sum = lanes.fma(lanes.splat(ui[i] * inverse_left), u, lanes.load(row));
-                lanes.store(row, sum);
+    for first in (0..n + 1).step_by(4) {
+        for i in 0..4 {
+            let (block, row) = (((first + i) / 16) & (C - 1), (first + i) & 15);
+            let factor = lanes.splat(factors[block].0[row]);
+            for v in 0..chunks {
+                let sum = lanes.fma(factor, u[v], lanes.load(&state.inverse[block][row][v]));
+                lanes.store(&mut state.inverse[block][row][v], sum);
             }
         }
     }
     if flipped {
-        return walk::<S, W>(lanes, state, correlations);
+        return walk::<S, C, W>(lanes, state, correlations, &mut target);
     }
-    state.phi[..chunks].copy_from_slice(&state.target[..chunks]);
+    state.phi[..chunks].copy_from_slice(&target[..chunks]);
     true
-}
-
-/// The largest |c| (or c, at least 0).
-#[inline(always)]
-pub(super) fn largest<S: Lanes>(lanes: S, task: &Task<'_>, correlations: &[Chunk], state: &mut State) -> f32 {
-    look_everywhere(lanes, task, correlations, state)
 }
 
 /// Moves from φ towards `target`, dropping the atoms whose coefficient would change sign on the way; false when it
 /// does not end.
 #[inline(always)]
-fn walk<S: Lanes, const W: usize>(lanes: S, state: &mut State, correlations: &mut [Chunk]) -> bool {
-    for _ in 0..4 * state.wide * 16 {
-        let n = state.support.len();
+fn walk<S: Lanes, const C: usize, const W: usize>(
+    lanes: S,
+    state: &mut State<C>,
+    correlations: &mut [Chunk],
+    target: &mut [Chunk; C],
+) -> bool {
+    for _ in 0..64 * C {
         let (mut t, mut first) = (1.0f32, usize::MAX);
-        {
-            let (phi, target, signs) = (flat(&state.phi), flat(&state.target), flat(&state.signs));
-            for i in 0..n {
-                if target[i] * signs[i] < 0.0 {
-                    let crossing = phi[i] / (phi[i] - target[i]);
-                    if crossing < t || first == usize::MAX {
-                        (t, first) = (crossing, i);
-                    }
+        let each = state.values().iter().zip(flat(target)).zip(state.signs());
+        for (i, ((&phi, &target), &sign)) in each.enumerate() {
+            if target * sign < 0.0 {
+                let crossing = phi / (phi - target);
+                if crossing < t || first == usize::MAX {
+                    (t, first) = (crossing, i);
                 }
             }
         }
+        let chunks = chunks_of::<C>(state.n);
         if first == usize::MAX {
-            let chunks = n.div_ceil(16);
-            state.phi[..chunks].copy_from_slice(&state.target[..chunks]);
+            state.phi[..chunks].copy_from_slice(&target[..chunks]);
             return true;
         }
-        for (p, &to) in flat_mut(&mut state.phi)[..n].iter_mut().zip(flat(&state.target)) {
-            *p += t * (to - *p);
+        for v in 0..chunks {
+            let phi = lanes.load(&state.phi[v]);
+            let way = lanes.fma(lanes.splat(-1.0), phi, lanes.load(&target[v]));
+            lanes.store(&mut state.phi[v], lanes.fma(lanes.splat(t), way, phi));
         }
-        remove::<S, W>(lanes, state, correlations, first);
+        remove::<S, C, W>(lanes, state, correlations, target, first);
     }
     false
 }
 
-/// Takes the atom at place `k` out of the support: rank-one downdate, then the last takes its place.
+/// Takes member `k` out of the support: rank-one downdate, then the last takes its place.
 #[inline(always)]
-fn remove<S: Lanes, const W: usize>(lanes: S, state: &mut State, correlations: &mut [Chunk], k: usize) {
-    let (n, wide) = (state.support.len(), state.wide);
-    let chunks = n.div_ceil(16);
-    state.column[..chunks].copy_from_slice(&state.inverse[k * wide..k * wide + chunks]);
-    let scale = 1.0 / flat(&state.column)[k];
-    let excess = flat(&state.target)[k] * scale;
+fn remove<S: Lanes, const C: usize, const W: usize>(
+    lanes: S,
+    state: &mut State<C>,
+    correlations: &mut [Chunk],
+    target: &mut [Chunk; C],
+    k: usize,
+) {
+    let last = state.n - 1;
+    let chunks = chunks_of::<C>(state.n);
+    let column = state.inverse.as_flattened()[k];
+    let scale = 1.0 / flat(&column)[k];
+    let excess = flat(target)[k] * scale;
     for v in 0..chunks {
-        let column = lanes.load(&state.column[v]);
-        let moved = lanes.fnma(lanes.splat(excess), column, lanes.load(&state.target[v]));
-        lanes.store(&mut state.target[v], moved);
-        let factors = &flat(&state.column)[..n];
-        for (row, &f) in state.inverse.chunks_exact_mut(wide).zip(factors) {
-            let less = lanes.fnma(lanes.splat(f * scale), column, lanes.load(&row[v]));
+        let part = lanes.load(&column[v]);
+        let moved = lanes.fnma(lanes.splat(excess), part, lanes.load(&target[v]));
+        lanes.store(&mut target[v], moved);
+        for (row, &f) in state.inverse.as_flattened_mut().iter_mut().zip(flat(&column)).take(last + 1) {
+            let less = lanes.fnma(lanes.splat(f * scale), part, lanes.load(&row[v]));
             lanes.store(&mut row[v], less);
         }
     }
-    let last = n - 1;
-    flat_mut(correlations)[state.support[k] as usize] = state.held[k];
-    state.support.swap_remove(k);
-    state.held.swap_remove(k);
-    for vector in [&mut state.phi, &mut state.target, &mut state.signs] {
+    // The last member moves to place k, in everything.
+    let support = state.support.as_flattened_mut();
+    let held = state.held.as_flattened_mut();
+    flat_mut(correlations)[support[k] as usize] = held[k];
+    support[k] = support[last];
+    held[k] = held[last];
+    for vector in [&mut state.phi, target, &mut state.signs] {
         let vector = flat_mut(vector);
         vector[k] = vector[last];
         vector[last] = 0.0;
     }
-    if k != last {
-        for i in 0..W {
-            state.near_rows[k * W + i] = state.near_rows[last * W + i];
-        }
-        for v in 0..chunks {
-            state.inverse[k * wide + v] = state.inverse[last * wide + v];
-        }
-    }
-    state.inverse[last * wide..last * wide + chunks].fill(Chunk::ZERO);
-    for row in state.inverse.chunks_exact_mut(wide).take(last) {
+    let near = state.near_rows.as_flattened_mut();
+    near[k] = near[last];
+    let inverse = state.inverse.as_flattened_mut();
+    inverse[k] = inverse[last];
+    inverse[last] = [Chunk::ZERO; C];
+    for row in &mut inverse[..last] {
         let row = flat_mut(row);
         row[k] = row[last];
         row[last] = 0.0;
     }
-    // The diagonal of the moved atom came over with its column.
+    state.n = last;
 }

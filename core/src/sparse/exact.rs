@@ -265,9 +265,9 @@ struct Correlate<'a> {
 impl Kernel for Correlate<'_> {
     type Out = ();
     #[inline(always)]
-    fn run<S: Lanes>(self, _lanes: S) {
+    fn run<S: Lanes>(self, lanes: S) {
         for (k, out) in self.out.iter_mut().enumerate() {
-            *out = gap::dot(self.dictionary.padded_atom(k), self.v);
+            *out = gap::dot(lanes, self.dictionary.padded_atom(k), self.v);
         }
     }
 }

@@ -3,23 +3,27 @@
 //! A few signals are in work at once and take turns, so that the processor has something to do while one of them waits
 //! for memory or for a chain of additions. They do not touch each other's numbers.
 
-use super::active::{self, End, Next, State};
+use super::active::{self, State};
 use super::exact::{self, Seen};
+use super::near::{self, End, Newcomer, Next};
 use super::prepared::Prepared;
 use super::product::{self, GROUP};
-use super::simd::{Chunk, Kernel, Lanes};
-use super::solve::{Finished, push};
+use super::simd::{Chunk, Kernel, Lanes, flat_mut};
+use super::solve::{Finished, push_sorted};
 use super::{Codes, Ended, Options, Penalty, gap};
 
 /// Signals in work at once.
 const SLOTS: usize = 2;
+/// Chunks of the large state: supports up to 128; what needs more is for the f64 solver.
+const LARGE: usize = 8;
 
 /// Scratch of one thread.
 pub(super) struct Scratch {
     pub interleaved: Vec<[f32; GROUP]>,
     pub correlations: Vec<Chunk>,
     slots: Vec<Slot>,
-    signal: Vec<[f64; 16]>,
+    peaks: Vec<Chunk>,
+    signal: Vec<Chunk>,
     residual: Vec<[f64; 16]>,
     error: Vec<f32>,
     solved: Vec<Solved>,
@@ -27,10 +31,13 @@ pub(super) struct Scratch {
 
 /// A signal in work.
 struct Slot {
-    state: State,
+    small: Box<State<1>>,
+    large: Box<State<LARGE>>,
+    /// Whether the support outgrew `small`.
+    grown: bool,
     /// Which signal of the block; none when there is no work left.
     signal: Option<usize>,
-    entering: Option<active::Newcomer>,
+    entering: Option<Newcomer>,
     lambda: f32,
     threshold: f32,
     norm: f64,
@@ -48,7 +55,9 @@ impl Scratch {
     pub fn new(dictionary: &Prepared, block: usize) -> Scratch {
         let chunks = dictionary.signal_len().div_ceil(16);
         let slot = || Slot {
-            state: State::new(dictionary),
+            small: Box::new(State::new()),
+            large: Box::new(State::new()),
+            grown: false,
             signal: None,
             entering: None,
             lambda: 0.0,
@@ -61,7 +70,8 @@ impl Scratch {
             interleaved: Vec::new(),
             correlations: vec![Chunk::ZERO; block.next_multiple_of(GROUP) * dictionary.width()],
             slots: (0..SLOTS).map(|_| slot()).collect(),
-            signal: vec![[0.0; 16]; chunks],
+            peaks: vec![Chunk::ZERO; dictionary.width().div_ceil(16)],
+            signal: vec![Chunk::ZERO; chunks],
             residual: vec![[0.0; 16]; chunks],
             error: Vec::new(),
             solved: (0..block)
@@ -97,7 +107,7 @@ impl Fast<'_> {
         let count = signals.len() / m;
         product::interleave(signals.chunks_exact(m), m, &mut scratch.interleaved);
         product::correlate(lanes, dictionary, &scratch.interleaved, &mut scratch.correlations);
-        let Scratch { correlations, slots, signal: wide, residual, error, solved, .. } = scratch;
+        let Scratch { correlations, slots, peaks, signal: padded, residual, error, solved, .. } = scratch;
         let mut next = 0;
         let mut task = active::Task {
             dictionary,
@@ -116,7 +126,7 @@ impl Fast<'_> {
                         let n = next;
                         next += 1;
                         let row = &correlations[n * width..(n + 1) * width];
-                        begin(lanes, &task, slot, &signals[n * m..(n + 1) * m], row, options);
+                        begin(lanes, &task, slot, &signals[n * m..(n + 1) * m], row, peaks, options);
                         slot.signal = Some(n);
                         n
                     }
@@ -126,15 +136,32 @@ impl Fast<'_> {
                 (task.lambda, task.threshold) = (slot.lambda, slot.threshold);
                 let row = &correlations[n * width..(n + 1) * width];
                 let signal = &signals[n * m..(n + 1) * m];
-                let end = match active::look::<S, W>(lanes, &task, row, &mut slot.state) {
-                    Next::Enter(j) => {
-                        slot.entering = Some(j);
+                let next = if slot.grown {
+                    near::look::<S, LARGE, W>(lanes, &task, row, &mut slot.large, peaks)
+                } else {
+                    near::look::<S, 1, W>(lanes, &task, row, &mut slot.small, peaks)
+                };
+                let outside = match next {
+                    Next::Enter(newcomer) => {
+                        slot.entering = Some(newcomer);
                         continue;
                     }
-                    Next::Over(end) => end,
+                    Next::Over(End::Full) if !slot.grown => {
+                        slot.large.grow_from(&slot.small);
+                        slot.grown = true;
+                        continue;
+                    }
+                    Next::Over(End::Settled { outside }) => outside,
+                    Next::Over(_) => f32::INFINITY,
                 };
-                widen(signal, wide);
-                if !settle(&task, end, slot, wide, residual, error, &mut solved[n]) {
+                flat_mut(padded)[..m].copy_from_slice(signal);
+                let candidate = Candidate { outside, norm: slot.norm, goal: slot.goal, signal: padded };
+                let taken = if slot.grown {
+                    settle(lanes, &task, candidate, &mut slot.large, residual, error, &mut solved[n])
+                } else {
+                    settle(lanes, &task, candidate, &mut slot.small, residual, error, &mut solved[n])
+                };
+                if !taken {
                     codes.redone_in_f64 += 1;
                     redo(&task, signal, slot.goal, &mut solved[n]);
                 }
@@ -144,10 +171,15 @@ impl Fast<'_> {
                 break;
             }
             for slot in slots.iter_mut() {
-                let (Some(j), Some(n)) = (slot.entering, slot.signal) else { continue };
+                let (Some(newcomer), Some(n)) = (slot.entering, slot.signal) else { continue };
                 (task.lambda, task.threshold) = (slot.lambda, slot.threshold);
                 let row = &mut correlations[n * width..(n + 1) * width];
-                if !active::enter::<S, W>(lanes, &task, row, &mut slot.state, j) {
+                let entered = if slot.grown {
+                    active::enter::<S, LARGE, W>(lanes, &task, row, &mut slot.large, newcomer)
+                } else {
+                    active::enter::<S, 1, W>(lanes, &task, row, &mut slot.small, newcomer)
+                };
+                if !entered {
                     codes.redone_in_f64 += 1;
                     redo(&task, &signals[n * m..(n + 1) * m], slot.goal, &mut solved[n]);
                     slot.signal = None;
@@ -155,7 +187,7 @@ impl Fast<'_> {
             }
         }
         for solved in &mut solved[..count] {
-            push(codes, dictionary, &mut solved.entries, solved.lambda, &solved.finished);
+            push_sorted(codes, &solved.entries, solved.lambda, &solved.finished);
         }
     }
 }
@@ -168,20 +200,25 @@ fn begin<S: Lanes>(
     slot: &mut Slot,
     signal: &[f32],
     correlations: &[Chunk],
+    peaks: &mut [Chunk],
     options: &Options,
 ) {
-    slot.state.clear();
-    let mut energy = [0.0f64; 16];
-    for part in signal.chunks(16) {
-        for (e, &v) in energy.iter_mut().zip(part) {
-            *e = f64::from(v).mul_add(f64::from(v), *e);
-        }
+    slot.small.clear();
+    slot.grown = false;
+    let mut energy = lanes.wide_splat(0.0);
+    let (whole, rest) = signal.as_chunks::<16>();
+    for part in whole {
+        let v = lanes.wide(&Chunk(*part));
+        energy = lanes.wide_fma(v, v, energy);
     }
-    let energy = gap::sum(&energy);
+    let mut last = Chunk::ZERO;
+    last.0[..rest.len()].copy_from_slice(rest);
+    let v = lanes.wide(&last);
+    let energy = lanes.wide_sum(lanes.wide_fma(v, v, energy));
     slot.norm = energy.sqrt();
     slot.lambda = match options.penalty {
         Penalty::Lambda(lambda) => lambda,
-        Penalty::FractionOfMax(fraction) => fraction * active::largest(lanes, task, correlations, &mut slot.state),
+        Penalty::FractionOfMax(fraction) => fraction * near::largest(lanes, task, correlations, peaks),
         Penalty::NonZeros(_) => 0.0,
     };
     slot.threshold = (f64::from(slot.lambda) * (1.0 + 1e-6) + 4e-7 * slot.norm) as f32;
@@ -193,96 +230,118 @@ fn begin<S: Lanes>(
     }
 }
 
-#[inline(always)]
-fn widen(signal: &[f32], wide: &mut [[f64; 16]]) {
-    for (wide, part) in wide.iter_mut().zip(signal.chunks(16)) {
-        for (w, &v) in wide.iter_mut().zip(part) {
-            *w = f64::from(v);
-        }
-    }
+/// What a settled support is judged by.
+struct Candidate<'a> {
+    /// The largest condition outside the support.
+    outside: f32,
+    /// ‖y‖.
+    norm: f64,
+    /// The gap to reach.
+    goal: f64,
+    /// The signal, padded with zeros.
+    signal: &'a [Chunk],
 }
 
 /// Takes the answer when the certificate allows, if need be after a step of refinement.
 #[inline(always)]
-fn settle(
+fn settle<S: Lanes, const C: usize>(
+    lanes: S,
     task: &active::Task<'_>,
-    end: End,
-    slot: &mut Slot,
-    signal: &[[f64; 16]],
+    candidate: Candidate<'_>,
+    state: &mut State<C>,
     residual: &mut [[f64; 16]],
     error: &mut Vec<f32>,
     solved: &mut Solved,
 ) -> bool {
-    let End::Settled { outside } = end else { return false };
-    if slot.norm == f64::INFINITY {
+    if candidate.norm == f64::INFINITY || candidate.outside == f32::INFINITY {
         return false;
     }
     for _ in 0..2 {
-        let found = certify(task, outside, slot.norm, &slot.state, signal, residual, error);
-        if found <= slot.goal {
-            let state = &slot.state;
-            solved.entries.clear();
-            solved.entries.extend(state.support.iter().copied().zip(state.values().iter().copied()));
+        let found = certify(lanes, task, &candidate, state, residual, error);
+        if found <= candidate.goal {
+            take(task.dictionary, state, &mut solved.entries);
             solved.lambda = task.lambda;
             solved.finished = Finished { gap: found, iterations: state.rounds, ended: Ended::Converged };
             return true;
         }
-        slot.state.refine(error);
-        if slot.state.values().iter().zip(slot.state.signs()).any(|(&v, &s)| v * s < 0.0) {
+        if !state.refine(error) {
             return false;
         }
     }
     false
 }
 
+/// The entries, atoms as known outside and ascending.
+#[inline(always)]
+fn take<const C: usize>(dictionary: &Prepared, state: &State<C>, entries: &mut Vec<(u32, f32)>) {
+    let n = state.n;
+    entries.clear();
+    let each = state.support().iter().zip(state.values());
+    if n > 16 {
+        entries.extend(each.map(|(&k, &v)| (dictionary.outside(k), v)));
+        entries.sort_unstable_by_key(|e| e.0);
+        return;
+    }
+    // Few: each goes where the count of smaller ones says, without branches.
+    let mut numbers = [u32::MAX; 16];
+    for (number, &k) in numbers.iter_mut().zip(state.support()) {
+        *number = dictionary.outside(k);
+    }
+    let mut places = [0u32; 16];
+    for &other in numbers.iter().take(n) {
+        for (place, &own) in places.iter_mut().zip(&numbers) {
+            *place += u32::from(other < own);
+        }
+    }
+    entries.resize(n, (0, 0.0));
+    for ((&number, &place), &value) in numbers.iter().zip(&places).zip(state.values()) {
+        entries[place as usize] = (number, value);
+    }
+}
+
 /// The gap of the code in `state`; leaves the errors of the support's conditions in `error`.
 #[inline(always)]
-fn certify(
+fn certify<S: Lanes, const C: usize>(
+    lanes: S,
     task: &active::Task<'_>,
-    outside: f32,
-    norm: f64,
-    state: &State,
-    signal: &[[f64; 16]],
+    candidate: &Candidate<'_>,
+    state: &State<C>,
     residual: &mut [[f64; 16]],
     error: &mut Vec<f32>,
 ) -> f64 {
     let dictionary = task.dictionary;
     let norm1: f64 = state.values().iter().map(|v| f64::from(v.abs())).sum();
-    let (mut yr, mut rr) = ([0.0f64; 16], [0.0f64; 16]);
-    for (at, (y, out)) in signal.iter().zip(residual.iter_mut()).enumerate() {
-        let mut r = *y;
-        for (&k, &v) in state.support.iter().zip(state.values()) {
-            let atom = &dictionary.padded_atom(k as usize)[at].0;
-            let v = -f64::from(v);
-            for i in 0..16 {
-                r[i] = v.mul_add(f64::from(atom[i]), r[i]);
-            }
+    let (mut yr, mut rr) = (lanes.wide_splat(0.0), lanes.wide_splat(0.0));
+    for (at, (y, out)) in candidate.signal.iter().zip(residual.iter_mut()).enumerate() {
+        let y = lanes.wide(y);
+        let mut r = y;
+        for (&k, &v) in state.support().iter().zip(state.values()) {
+            let atom = lanes.wide(&dictionary.padded_atom(k as usize)[at]);
+            r = lanes.wide_fma(lanes.wide_splat(-f64::from(v)), atom, r);
         }
-        for i in 0..16 {
-            yr[i] = y[i].mul_add(r[i], yr[i]);
-            rr[i] = r[i].mul_add(r[i], rr[i]);
-        }
-        *out = r;
+        yr = lanes.wide_fma(y, r, yr);
+        rr = lanes.wide_fma(r, r, rr);
+        lanes.wide_store(out, r);
     }
     let lambda = f64::from(task.lambda);
     let mut largest = 0.0f64;
     error.clear();
-    for (&k, &sign) in state.support.iter().zip(state.signs()) {
-        let c = gap::dot(dictionary.padded_atom(k as usize), residual);
+    for (&k, &sign) in state.support().iter().zip(state.signs()) {
+        let c = gap::dot(lanes, dictionary.padded_atom(k as usize), residual);
         largest = largest.max(if task.nonnegative { c } else { c.abs() });
         error.push((c - lambda * f64::from(sign)) as f32);
     }
     // Rounding of the f32 correlations outside the support; where it could matter they are computed anew.
     let m = dictionary.signal_len() as f64;
-    let terms = state.support.len() as f64;
-    let rounding = 6e-8 * ((m + 2.0) * norm + (m + terms + 4.0) * norm1);
-    if f64::from(outside) + rounding > lambda {
+    let terms = state.n as f64;
+    let rounding = 6e-8 * ((m + 2.0) * candidate.norm + (m + terms + 4.0) * norm1);
+    if f64::from(candidate.outside) + rounding > lambda {
         for k in 0..dictionary.atom_count() {
-            let c = gap::dot(dictionary.padded_atom(k), residual);
+            let c = gap::dot(lanes, dictionary.padded_atom(k), residual);
             largest = largest.max(if task.nonnegative { c } else { c.abs() });
         }
     }
-    gap::certify(gap::sum(&yr), gap::sum(&rr), norm1, lambda, largest)
+    gap::certify(lanes.wide_sum(yr), lanes.wide_sum(rr), norm1, lambda, largest)
 }
 
 /// In f64 from scratch.
@@ -299,7 +358,9 @@ fn redo(task: &active::Task<'_>, signal: &[f32], goal: f64, solved: &mut Solved)
         nonnegative: task.nonnegative,
     });
     solved.entries.clear();
-    solved.entries.extend(answer.support.iter().zip(&answer.values).map(|(&k, &v)| (k, v as f32)));
+    let entries = answer.support.iter().zip(&answer.values);
+    solved.entries.extend(entries.map(|(&k, &v)| (task.dictionary.outside(k), v as f32)));
+    solved.entries.sort_unstable_by_key(|e| e.0);
     solved.lambda = task.lambda;
     solved.finished = answer.finished;
 }

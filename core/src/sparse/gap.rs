@@ -2,7 +2,7 @@
 //!
 //! r = y − Dᵀφ and s is the best factor that keeps θ feasible. A gap of g proves the objective within g of its minimum.
 
-use super::simd::Chunk;
+use super::simd::{Chunk, Lanes};
 
 /// Gap from y·r, ‖r‖², ‖φ‖₁ and the largest correlation max |D r| (max D r with non-negative codes).
 #[inline(always)]
@@ -17,20 +17,10 @@ pub(super) fn certify(yr: f64, rr: f64, norm1: f64, lambda: f64, largest: f64) -
 
 /// Inner product in f64 of an f32 row and an f64 vector, in sixteen fixed lanes.
 #[inline(always)]
-pub(super) fn dot(a: &[Chunk], b: &[[f64; 16]]) -> f64 {
-    let mut lanes = [0.0f64; 16];
-    for (x, y) in a.iter().zip(b) {
-        for i in 0..16 {
-            lanes[i] = f64::from(x.0[i]).mul_add(y[i], lanes[i]);
-        }
+pub(super) fn dot<S: Lanes>(lanes: S, a: &[Chunk], b: &[[f64; 16]]) -> f64 {
+    let mut sum = lanes.wide_splat(0.0);
+    for (a, b) in a.iter().zip(b) {
+        sum = lanes.wide_fma(lanes.wide(a), lanes.wide_load(b), sum);
     }
-    sum(&lanes)
-}
-
-/// Sum of sixteen lanes: halves added onto each other.
-#[inline(always)]
-pub(super) fn sum(lanes: &[f64; 16]) -> f64 {
-    let b: [f64; 8] = std::array::from_fn(|i| lanes[i] + lanes[i + 8]);
-    let c: [f64; 4] = std::array::from_fn(|i| b[i] + b[i + 4]);
-    (c[0] + c[2]) + (c[1] + c[3])
+    lanes.wide_sum(sum)
 }

@@ -10,6 +10,7 @@ mod descent;
 mod exact;
 mod fast;
 mod gap;
+mod near;
 mod omp;
 mod prepared;
 mod product;

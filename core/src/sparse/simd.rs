@@ -79,6 +79,8 @@ impl Simd {
 pub(super) trait Lanes: Copy {
     /// Sixteen f32.
     type V: Copy;
+    /// Sixteen f64.
+    type D: Copy;
     /// Whether there are registers for eight vectors and more.
     const WIDE: bool;
     fn splat(self, x: f32) -> Self::V;
@@ -103,6 +105,15 @@ pub(super) trait Lanes: Copy {
     fn sum(self, a: Self::V) -> f32;
     /// Whether any lane is below zero.
     fn any_negative(self, a: Self::V) -> bool;
+    /// Sixteen f64 of sixteen f32.
+    fn wide(self, from: &Chunk) -> Self::D;
+    fn wide_splat(self, x: f64) -> Self::D;
+    fn wide_load(self, from: &[f64; 16]) -> Self::D;
+    fn wide_store(self, to: &mut [f64; 16], v: Self::D);
+    /// a·b + c, rounded once.
+    fn wide_fma(self, a: Self::D, b: Self::D, c: Self::D) -> Self::D;
+    /// Sum of all lanes: halves added onto each other.
+    fn wide_sum(self, a: Self::D) -> f64;
     /// Hints that this chunk will be read soon.
     fn prefetch(self, chunk: &Chunk);
 }
@@ -135,6 +146,7 @@ pub(super) struct Plain(());
 
 impl Lanes for Plain {
     type V = [f32; 16];
+    type D = [f64; 16];
     const WIDE: bool = false;
     #[inline(always)]
     fn splat(self, x: f32) -> [f32; 16] {
@@ -205,6 +217,32 @@ impl Lanes for Plain {
         a.iter().any(|&v| v < 0.0)
     }
     #[inline(always)]
+    fn wide(self, from: &Chunk) -> [f64; 16] {
+        from.0.map(f64::from)
+    }
+    #[inline(always)]
+    fn wide_splat(self, x: f64) -> [f64; 16] {
+        [x; 16]
+    }
+    #[inline(always)]
+    fn wide_load(self, from: &[f64; 16]) -> [f64; 16] {
+        *from
+    }
+    #[inline(always)]
+    fn wide_store(self, to: &mut [f64; 16], v: [f64; 16]) {
+        *to = v;
+    }
+    #[inline(always)]
+    fn wide_fma(self, a: [f64; 16], b: [f64; 16], c: [f64; 16]) -> [f64; 16] {
+        std::array::from_fn(|i| a[i].mul_add(b[i], c[i]))
+    }
+    #[inline(always)]
+    fn wide_sum(self, a: [f64; 16]) -> f64 {
+        let b: [f64; 8] = std::array::from_fn(|i| a[i] + a[i + 8]);
+        let c: [f64; 4] = std::array::from_fn(|i| b[i] + b[i + 4]);
+        (c[0] + c[2]) + (c[1] + c[3])
+    }
+    #[inline(always)]
     fn prefetch(self, _chunk: &Chunk) {}
 }
 
@@ -235,6 +273,7 @@ mod x86 {
     // come from references to exactly sixteen f32, and the unaligned forms are used.
     impl Lanes for Avx512 {
         type V = __m512;
+        type D = [__m512d; 2];
         const WIDE: bool = true;
         #[inline(always)]
         fn splat(self, x: f32) -> __m512 {
@@ -309,6 +348,40 @@ mod x86 {
             unsafe { _mm512_cmp_ps_mask::<_CMP_LT_OQ>(a, _mm512_setzero_ps()) != 0 }
         }
         #[inline(always)]
+        fn wide(self, from: &Chunk) -> Self::D {
+            unsafe {
+                let v = self.load(from);
+                let high = _mm512_extractf32x8_ps::<1>(v);
+                [_mm512_cvtps_pd(_mm512_castps512_ps256(v)), _mm512_cvtps_pd(high)]
+            }
+        }
+        #[inline(always)]
+        fn wide_splat(self, x: f64) -> Self::D {
+            unsafe { [_mm512_set1_pd(x); 2] }
+        }
+        #[inline(always)]
+        fn wide_load(self, from: &[f64; 16]) -> Self::D {
+            unsafe { [_mm512_loadu_pd(from.as_ptr()), _mm512_loadu_pd(from.as_ptr().add(8))] }
+        }
+        #[inline(always)]
+        fn wide_store(self, to: &mut [f64; 16], v: Self::D) {
+            unsafe {
+                _mm512_storeu_pd(to.as_mut_ptr(), v[0]);
+                _mm512_storeu_pd(to.as_mut_ptr().add(8), v[1]);
+            }
+        }
+        #[inline(always)]
+        fn wide_fma(self, a: Self::D, b: Self::D, c: Self::D) -> Self::D {
+            unsafe { [_mm512_fmadd_pd(a[0], b[0], c[0]), _mm512_fmadd_pd(a[1], b[1], c[1])] }
+        }
+        #[inline(always)]
+        fn wide_sum(self, a: Self::D) -> f64 {
+            unsafe {
+                let b = _mm512_add_pd(a[0], a[1]);
+                sum4(_mm256_add_pd(_mm512_castpd512_pd256(b), _mm512_extractf64x4_pd::<1>(b)))
+            }
+        }
+        #[inline(always)]
         fn prefetch(self, chunk: &Chunk) {
             unsafe { _mm_prefetch::<_MM_HINT_T0>(chunk.0.as_ptr().cast()) }
         }
@@ -321,6 +394,7 @@ mod x86 {
     // SAFETY: as for `Avx512`, with `on_avx2`.
     impl Lanes for Avx2 {
         type V = [__m256; 2];
+        type D = [__m256d; 4];
         const WIDE: bool = false;
         #[inline(always)]
         fn splat(self, x: f32) -> Self::V {
@@ -420,6 +494,59 @@ mod x86 {
             }
         }
         #[inline(always)]
+        fn wide(self, from: &Chunk) -> Self::D {
+            unsafe {
+                let v = self.load(from);
+                [
+                    _mm256_cvtps_pd(_mm256_castps256_ps128(v[0])),
+                    _mm256_cvtps_pd(_mm256_extractf128_ps::<1>(v[0])),
+                    _mm256_cvtps_pd(_mm256_castps256_ps128(v[1])),
+                    _mm256_cvtps_pd(_mm256_extractf128_ps::<1>(v[1])),
+                ]
+            }
+        }
+        #[inline(always)]
+        fn wide_splat(self, x: f64) -> Self::D {
+            unsafe { [_mm256_set1_pd(x); 4] }
+        }
+        #[inline(always)]
+        fn wide_load(self, from: &[f64; 16]) -> Self::D {
+            unsafe {
+                let from = from.as_ptr();
+                [
+                    _mm256_loadu_pd(from),
+                    _mm256_loadu_pd(from.add(4)),
+                    _mm256_loadu_pd(from.add(8)),
+                    _mm256_loadu_pd(from.add(12)),
+                ]
+            }
+        }
+        #[inline(always)]
+        fn wide_store(self, to: &mut [f64; 16], v: Self::D) {
+            unsafe {
+                let to = to.as_mut_ptr();
+                _mm256_storeu_pd(to, v[0]);
+                _mm256_storeu_pd(to.add(4), v[1]);
+                _mm256_storeu_pd(to.add(8), v[2]);
+                _mm256_storeu_pd(to.add(12), v[3]);
+            }
+        }
+        #[inline(always)]
+        fn wide_fma(self, a: Self::D, b: Self::D, c: Self::D) -> Self::D {
+            unsafe {
+                [
+                    _mm256_fmadd_pd(a[0], b[0], c[0]),
+                    _mm256_fmadd_pd(a[1], b[1], c[1]),
+                    _mm256_fmadd_pd(a[2], b[2], c[2]),
+                    _mm256_fmadd_pd(a[3], b[3], c[3]),
+                ]
+            }
+        }
+        #[inline(always)]
+        fn wide_sum(self, a: Self::D) -> f64 {
+            unsafe { sum4(_mm256_add_pd(_mm256_add_pd(a[0], a[2]), _mm256_add_pd(a[1], a[3]))) }
+        }
+        #[inline(always)]
         fn prefetch(self, chunk: &Chunk) {
             unsafe { _mm_prefetch::<_MM_HINT_T0>(chunk.0.as_ptr().cast()) }
         }
@@ -434,6 +561,17 @@ mod x86 {
             let c = _mm_add_ps(_mm256_castps256_ps128(b), _mm256_extractf128_ps::<1>(b));
             let d = _mm_add_ps(c, _mm_movehl_ps(c, c));
             _mm_cvtss_f32(_mm_add_ss(d, _mm_shuffle_ps::<1>(d, d)))
+        }
+    }
+
+    /// # Safety
+    /// The processor has AVX.
+    #[inline(always)]
+    unsafe fn sum4(c: __m256d) -> f64 {
+        // SAFETY: AVX by contract.
+        unsafe {
+            let d = _mm_add_pd(_mm256_castpd256_pd128(c), _mm256_extractf128_pd::<1>(c));
+            _mm_cvtsd_f64(_mm_add_sd(d, _mm_unpackhi_pd(d, d)))
         }
     }
 

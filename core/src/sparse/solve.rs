@@ -231,6 +231,11 @@ pub(super) fn push(
         entry.0 = dictionary.outside(entry.0);
     }
     entries.sort_unstable_by_key(|e| e.0);
+    push_sorted(codes, entries, lambda, finished);
+}
+
+/// Appends one signal's code, atoms as known outside and ascending; zeros are left out.
+pub(super) fn push_sorted(codes: &mut Codes, entries: &[(u32, f32)], lambda: f32, finished: &Finished) {
     for &(atom, value) in entries.iter().filter(|e| e.1 != 0.0) {
         codes.atoms.push(atom);
         codes.values.push(value);

@@ -1,0 +1,236 @@
+//! Which atom enters next: the largest |c| of c = b − G φ, sought among the few chunks of atoms that matter.
+//!
+//! Atoms that resemble each other share chunks of sixteen, so what a signal needs lies in few of them. A look at all
+//! atoms finds the largest |c| of each chunk; the `W` chunks with the highest become near, with copies of those parts of
+//! the support's Gram rows, small enough to stay in the first cache. Rounds look there until all is satisfied, then
+//! everywhere again; when that is satisfied, too, the support is final. The order of entry differs from a search over
+//! all atoms, the answer does not.
+
+use super::active::{State, Task};
+use super::simd::{Chunk, Lanes, flat, flat_mut};
+
+/// Most chunks of atoms that are near.
+pub(super) const MOST_NEAR: usize = 8;
+
+/// How a search ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum End {
+    /// No atom outside the support is above the threshold; `outside` is the largest of them.
+    Settled { outside: f32 },
+    /// The cap on rounds.
+    Cap,
+    /// The support is full.
+    Full,
+    /// Rounding.
+    Stuck,
+}
+
+/// What the next move is.
+pub(super) enum Next {
+    /// An atom enters.
+    Enter(Newcomer),
+    /// Over.
+    Over(End),
+}
+
+/// The atom that enters: lane `lane` of the near chunk at place `at`.
+#[derive(Clone, Copy)]
+pub(super) struct Newcomer {
+    pub atom: usize,
+    pub at: usize,
+    pub lane: usize,
+}
+
+/// Looks for the atom that violates its condition most. `correlations` are those of the signal less λθ on the support;
+/// `peaks` is scratch of a value a chunk.
+#[inline(always)]
+pub(super) fn look<S: Lanes, const C: usize, const W: usize>(
+    lanes: S,
+    task: &Task<'_>,
+    correlations: &[Chunk],
+    state: &mut State<C>,
+    peaks: &mut [Chunk],
+) -> Next {
+    if state.chosen
+        && let Some(next) = look_near::<S, C, W>(lanes, task, correlations, state)
+    {
+        return next;
+    }
+    let outside = look_everywhere(lanes, task, correlations, state.support(), state.values(), peaks);
+    if outside <= task.threshold {
+        return Next::Over(End::Settled { outside });
+    }
+    choose::<S, C, W>(lanes, task, outside, state, peaks);
+    look_near::<S, C, W>(lanes, task, correlations, state).unwrap_or(Next::Over(End::Stuck))
+}
+
+/// The same among the near chunks; none when all there are satisfied.
+#[inline(always)]
+fn look_near<S: Lanes, const C: usize, const W: usize>(
+    lanes: S,
+    task: &Task<'_>,
+    correlations: &[Chunk],
+    state: &State<C>,
+) -> Option<Next> {
+    let mut c = [lanes.splat(0.0); W];
+    for (c, &chunk) in c.iter_mut().zip(&state.near) {
+        *c = lanes.load(&correlations[chunk as usize]);
+    }
+    for member in 0..state.n {
+        let (block, place) = ((member / 16) & (C - 1), member & 15);
+        let row = &state.near_rows[block][place];
+        let value = lanes.splat(state.phi[block].0[place]);
+        for i in 0..W {
+            c[i] = lanes.fnma(value, lanes.load(&row[i]), c[i]);
+        }
+    }
+    let mut best = (lanes.splat(-1.0), lanes.splat(0.0));
+    for (i, &c) in c.iter().enumerate() {
+        let size = if task.nonnegative { c } else { lanes.abs(c) };
+        best = lanes.keep_larger(best, size, lanes.splat(i as f32));
+    }
+    let (value, at, lane) = lanes.largest(best);
+    if value <= task.threshold {
+        return None;
+    }
+    if state.rounds >= task.max_rounds {
+        return Some(Next::Over(End::Cap));
+    }
+    if state.n >= state.room() {
+        return Some(Next::Over(End::Full));
+    }
+    let at = at as usize & (MOST_NEAR - 1);
+    let newcomer = Newcomer { atom: state.near[at] as usize * 16 + lane, at, lane };
+    let width = task.dictionary.width();
+    let row = &task.dictionary.gram()[newcomer.atom * width..][..width];
+    for &chunk in &state.near[..W] {
+        lanes.prefetch(&row[chunk as usize]);
+    }
+    Some(Next::Enter(newcomer))
+}
+
+/// The largest |c| (or c, at least 0) over all atoms; that of each chunk goes into `peaks`.
+#[inline(always)]
+pub(super) fn look_everywhere<S: Lanes>(
+    lanes: S,
+    task: &Task<'_>,
+    correlations: &[Chunk],
+    support: &[u32],
+    values: &[f32],
+    peaks: &mut [Chunk],
+) -> f32 {
+    let mut from = 0;
+    if S::WIDE {
+        while from + 8 <= correlations.len() {
+            look_at_part::<S, 8>(lanes, task, correlations, from, support, values, peaks);
+            from += 8;
+        }
+    }
+    while from + 4 <= correlations.len() {
+        look_at_part::<S, 4>(lanes, task, correlations, from, support, values, peaks);
+        from += 4;
+    }
+    let mut most = (lanes.splat(0.0), lanes.splat(0.0));
+    for peaks in peaks.iter() {
+        most = lanes.keep_larger(most, lanes.load(peaks), most.1);
+    }
+    lanes.largest(most).0
+}
+
+#[inline(always)]
+fn look_at_part<S: Lanes, const B: usize>(
+    lanes: S,
+    task: &Task<'_>,
+    correlations: &[Chunk],
+    from: usize,
+    support: &[u32],
+    values: &[f32],
+    peaks: &mut [Chunk],
+) {
+    let (width, gram) = (correlations.len(), task.dictionary.gram());
+    let mut c = [lanes.splat(0.0); B];
+    for (c, own) in c.iter_mut().zip(&correlations[from..from + B]) {
+        *c = lanes.load(own);
+    }
+    for (&k, &value) in support.iter().zip(values) {
+        let row = &gram[k as usize * width + from..][..B];
+        let value = lanes.splat(value);
+        for i in 0..B {
+            c[i] = lanes.fnma(value, lanes.load(&row[i]), c[i]);
+        }
+    }
+    let peaks = &mut flat_mut(peaks)[from..from + B];
+    for (c, peaks) in c.chunks_exact(4).zip(peaks.chunks_exact_mut(4)) {
+        let mut sizes = [c[0], c[1], c[2], c[3]];
+        if !task.nonnegative {
+            for size in &mut sizes {
+                *size = lanes.abs(*size);
+            }
+        }
+        peaks.copy_from_slice(&lanes.largest_of_each(sizes));
+    }
+}
+
+/// Makes (about) the `W` chunks with the highest peaks near; there is one above the threshold.
+#[inline(always)]
+fn choose<S: Lanes, const C: usize, const W: usize>(
+    lanes: S,
+    task: &Task<'_>,
+    most: f32,
+    state: &mut State<C>,
+    peaks: &[Chunk],
+) {
+    // A level that so many are above, by bisection; what does not fit is left for later.
+    let mut level = task.threshold;
+    if count_above(lanes, peaks, level) > W as u32 {
+        let mut high = most;
+        for _ in 0..6 {
+            let middle = 0.5 * (level + high);
+            if count_above(lanes, peaks, middle) > W as u32 {
+                level = middle;
+            } else {
+                high = middle;
+            }
+        }
+        if high < most {
+            level = high;
+        }
+    }
+    let mut chosen = 0;
+    for (i, peaks) in peaks.iter().enumerate() {
+        let mut mask = lanes.above(lanes.load(peaks), level);
+        while mask != 0 && chosen < W {
+            state.near[chosen] = i as u32 * 16 + mask.trailing_zeros();
+            mask &= mask - 1;
+            chosen += 1;
+        }
+    }
+    for i in chosen..W {
+        state.near[i] = state.near[0];
+    }
+    state.chosen = true;
+    let (width, gram) = (task.dictionary.width(), task.dictionary.gram());
+    let n = state.n;
+    for i in 0..n {
+        let row = &gram[state.support()[i] as usize * width..][..width];
+        let near = &mut state.near_rows.as_flattened_mut()[i];
+        for (near, &chunk) in near.iter_mut().zip(&state.near).take(W) {
+            *near = row[chunk as usize];
+        }
+    }
+}
+
+#[inline(always)]
+fn count_above<S: Lanes>(lanes: S, peaks: &[Chunk], level: f32) -> u32 {
+    let mut count = 0;
+    for peaks in peaks {
+        count += lanes.above(lanes.load(peaks), level).count_ones();
+    }
+    count
+}
+
+/// λ_max of a signal: the largest |c| (or c, at least 0) without any support.
+#[inline(always)]
+pub(super) fn largest<S: Lanes>(lanes: S, task: &Task<'_>, correlations: &[Chunk], peaks: &mut [Chunk]) -> f32 {
+    look_everywhere(lanes, task, correlations, &[], flat(&[]), peaks)
+}
