@@ -12,6 +12,7 @@ use rand::{RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};
 
 use super::Error;
+use super::draw::below;
 
 /// Radial light profile of a micro-image; r in half pitches.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -249,10 +250,10 @@ impl Lenslets {
         let (dx, dy) = (x - self.centre[0], y - self.centre[1]);
         let along = (self.cos * dx + self.sin * dy) / self.pitch;
         let down = (self.cos * dy - self.sin * dx) / self.row;
-        let above = down.floor() as i32;
+        let above = below(down);
         let mut best = ([x, y], f64::INFINITY);
         for r in [above, above + 1] {
-            let c = (along - 0.5 * f64::from(r & 1)).round() as i32;
+            let c = below(along - 0.5 * f64::from(r & 1) + 0.5);
             let column = (c - self.first[0]).clamp(0, self.size[0] as i32 - 1) as usize;
             let line = (r - self.first[1]).clamp(0, self.size[1] as i32 - 1) as usize;
             let at = self.centres[line * self.size[0] + column];

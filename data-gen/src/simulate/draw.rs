@@ -20,12 +20,18 @@ pub fn hash(x: i32, y: i32, seed: u32) -> f32 {
     (h >> 8) as f32 / 16_777_216.0
 }
 
+/// The largest whole number not above `x`; without a call into the mathematical library, which noise would spend its time in.
+#[inline]
+pub fn below(x: f64) -> i32 {
+    let whole = x as i32;
+    whole - i32::from(f64::from(whole) > x)
+}
+
 /// Smooth noise of period about 1, in −1..1.
 #[inline]
 pub fn noise(x: f64, y: f64, seed: u32) -> f32 {
-    let (fx, fy) = (x.floor(), y.floor());
-    let (i, j) = (fx as i32, fy as i32);
-    let (u, v) = ((x - fx) as f32, (y - fy) as f32);
+    let (i, j) = (below(x), below(y));
+    let (u, v) = ((x - f64::from(i)) as f32, (y - f64::from(j)) as f32);
     let (su, sv) = (u * u * (3.0 - 2.0 * u), v * v * (3.0 - 2.0 * v));
     let mix = |a: f32, b: f32, t: f32| a + (b - a) * t;
     let top = mix(hash(i, j, seed), hash(i.wrapping_add(1), j, seed), su);
@@ -35,11 +41,14 @@ pub fn noise(x: f64, y: f64, seed: u32) -> f32 {
 
 /// Octaves of noise from `period` down to `finest` (pitches), each weighed by `fall` against the one before; about −1..1.
 pub fn octaves(x: f64, y: f64, period: f64, finest: f64, fall: f32, seed: u32) -> f32 {
+    const COS: f64 = 0.764_842_187_284_488_5;
+    const SIN: f64 = 0.644_217_687_237_691;
+    let (mut tx, mut ty) = (x, y);
     let (mut sum, mut weight, mut total, mut scale, mut k) = (0f32, 1f32, 0f32, period, 0u32);
     while scale >= finest && k < 16 {
-        // Turned a little each octave, so that the lattice of one does not line up with the next.
-        let (s, c) = (0.7 * f64::from(k)).sin_cos();
-        sum += weight * noise((c * x - s * y) / scale, (s * x + c * y) / scale, seed.wrapping_add(k * 101));
+        sum += weight * noise(tx / scale, ty / scale, seed.wrapping_add(k * 101));
+        // Turned by 0.7 each octave, so that the lattice of one does not line up with the next.
+        (tx, ty) = (COS * tx - SIN * ty, SIN * tx + COS * ty);
         total += weight * weight;
         weight *= fall;
         scale *= 0.5;

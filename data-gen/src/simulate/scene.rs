@@ -3,6 +3,7 @@
 use std::str::FromStr;
 
 use lenslet_core::progress::Observer;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::camera::Camera;
@@ -132,7 +133,19 @@ pub struct Scene {
     pitch: f64,
     centre: [f64; 2],
     layers: Vec<Layer>,
+    /// Which layers can show in each cell of [`CELL`] pitches, as bits, for offsets up to `reach`.
+    cells: Vec<u32>,
+    across: usize,
+    /// Corner of the first cell, pitches.
+    corner: [f64; 2],
+    reach: f64,
 }
+
+/// Side of a cell in pitches.
+const CELL: f64 = 4.0;
+
+/// Layers of a scene at most.
+const MOST_LAYERS: usize = 32;
 
 impl Scene {
     /// Draws the named scene for `camera`. `disparity`: the largest one in lenslet pitches per sensor pixel of offset
@@ -174,6 +187,9 @@ impl Scene {
         observer: &dyn Observer,
     ) -> Result<Scene, Error> {
         camera.check()?;
+        if plan.sheets.len() > MOST_LAYERS {
+            return Err(Error::Parameter(format!("{} layers are too many: at most {MOST_LAYERS}", plan.sheets.len())));
+        }
         // A pixel of a neighbouring lenslet looks past the canvas by its disparity times its offset.
         let rim = frame.disparity.abs() * camera.pitch + 3.0;
         let canvas: Bounds = [-frame.half[0] - rim, -frame.half[1] - rim, frame.half[0] + rim, frame.half[1] + rim];
@@ -186,6 +202,17 @@ impl Scene {
             layers.push(Layer::new(sheet, canvas, camera.footprint)?);
             observer.advance(1);
         }
+        // Offsets within a lenslet, corners and blur included.
+        let reach = 0.75 * camera.pitch + 4.0;
+        let across = ((canvas[2] - canvas[0]) / CELL).ceil() as usize;
+        let down = ((canvas[3] - canvas[1]) / CELL).ceil() as usize;
+        let mut cells = vec![0u32; across * down];
+        cells.par_iter_mut().enumerate().for_each(|(k, cell)| {
+            let (x, y) = (canvas[0] + (k % across) as f64 * CELL, canvas[1] + (k / across) as f64 * CELL);
+            for (n, layer) in layers.iter().enumerate() {
+                *cell |= u32::from(layer.reaches([x, y, x + CELL, y + CELL], reach)) << n;
+            }
+        });
         let share = |value: f64, axis: usize| (value + frame.half[axis]) / (2.0 * frame.half[axis]);
         let regions = plan.regions.iter().map(|region| {
             let [left, top, right, bottom] = region.bounds;
@@ -198,6 +225,10 @@ impl Scene {
             pitch: camera.pitch,
             centre: [(camera.sensor.0 as f64 - 1.0) / 2.0, (camera.sensor.1 as f64 - 1.0) / 2.0],
             layers,
+            cells,
+            across,
+            corner: [canvas[0], canvas[1]],
+            reach,
         })
     }
 
@@ -207,7 +238,10 @@ impl Scene {
         let p = [(x - self.centre[0]) / self.pitch, (y - self.centre[1]) / self.pitch];
         let mut seen = [0f32; 3];
         let mut left = 1f32;
-        for layer in &self.layers {
+        let mut bits = self.showing(p, delta);
+        while bits != 0 {
+            let layer = &self.layers[bits.trailing_zeros() as usize];
+            bits &= bits - 1;
             let [r, g, b, a] = layer.sample(p, delta);
             seen[0] += left * r;
             seen[1] += left * g;
@@ -218,6 +252,21 @@ impl Scene {
             }
         }
         seen
+    }
+
+    /// The layers that can show at `p` under offset `delta`, as bits.
+    #[inline]
+    fn showing(&self, p: [f64; 2], delta: [f64; 2]) -> u32 {
+        let (column, row) = ((p[0] - self.corner[0]) / CELL, (p[1] - self.corner[1]) / CELL);
+        let known = delta[0].abs() <= self.reach && delta[1].abs() <= self.reach && column >= 0.0 && row >= 0.0;
+        let (column, row) = (column as usize, row as usize);
+        if known
+            && column < self.across
+            && let Some(cell) = self.cells.get(row * self.across + column)
+        {
+            return *cell;
+        }
+        (((1u64 << self.layers.len()) - 1) & u64::from(u32::MAX)) as u32
     }
 
     /// Disparity of what is seen at (`x`, `y`) under offset `delta`, in sensor pixels per sensor pixel of offset.
@@ -248,5 +297,78 @@ impl Frame {
         }
         let half = [camera.sensor.0 as f64 / (2.0 * camera.pitch), camera.sensor.1 as f64 / (2.0 * camera.pitch)];
         Ok(Frame { half, disparity, seed: (seed ^ (seed >> 32)) as u32 })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lenslet_core::progress::Silent;
+
+    use super::*;
+
+    fn camera() -> Camera {
+        Camera { sensor: (300, 260), ..Camera::default() }
+    }
+
+    #[test]
+    fn leaving_out_hidden_layers_changes_nothing() {
+        for kind in Kind::ALL {
+            let scene = Scene::named(kind, &camera(), Some(0.3), 5, &Silent).unwrap();
+            let mut all = scene.clone();
+            all.reach = -1.0;
+            for k in 0..3000u32 {
+                let (x, y) = (f64::from(k % 61) * 5.0 - 1.0, f64::from(k / 61) * 5.5 - 1.0);
+                let delta = [f64::from(k % 7) - 3.0, f64::from(k % 5) * 1.5 - 3.0];
+                let (fast, plain) = (scene.sample(x, y, delta), all.sample(x, y, delta));
+                assert!(fast.iter().zip(&plain).all(|(a, b)| (a - b).abs() < 1e-5), "{kind:?} {fast:?} {plain:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_scene_is_opaque_within_its_range_and_follows_the_seed() {
+        for kind in Kind::ALL {
+            let make = |seed| Scene::named(kind, &camera(), None, seed, &Silent).unwrap();
+            let (scene, again, other) = (make(5), make(5), make(6));
+            let mut differs = false;
+            for k in 0..2000u32 {
+                let (x, y) = (f64::from(k % 50) * 6.0, f64::from(k / 50) * 6.5);
+                let seen = scene.sample(x, y, [2.0, -1.0]);
+                assert!(seen.iter().all(|v| (0.0..=0.96).contains(v)), "{kind:?} {seen:?}");
+                assert_eq!(seen, again.sample(x, y, [2.0, -1.0]));
+                differs |= seen != other.sample(x, y, [2.0, -1.0]);
+            }
+            assert_eq!(differs, !matches!(kind, Kind::White | Kind::Chart | Kind::Colour), "{kind:?}");
+        }
+    }
+
+    #[test]
+    fn disparity_says_where_a_point_goes() {
+        // What view u shows at x + d·u is what the central view shows at x, wherever nothing hides it.
+        let camera = camera();
+        for kind in [Kind::Flat, Kind::Slanted, Kind::Planes, Kind::Natural] {
+            let scene = Scene::named(kind, &camera, Some(0.2), 5, &Silent).unwrap();
+            let (mut same, mut all) = (0, 0);
+            for k in 0..2500u32 {
+                let (x, y) = (30.0 + f64::from(k % 50) * 4.8, 30.0 + f64::from(k / 50) * 4.0);
+                let d = scene.disparity(x, y, [0.0; 2]);
+                let (a, b) = (scene.sample(x, y, [0.0; 2]), scene.sample(x + 2.0 * d, y - 3.0 * d, [2.0, -3.0]));
+                all += 1;
+                same += usize::from(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 0.01));
+            }
+            let needed = if matches!(kind, Kind::Flat | Kind::Slanted) { 1.0 } else { 0.6 };
+            assert!(same as f64 >= needed * f64::from(all), "{kind:?}: {same} of {all}");
+        }
+    }
+
+    #[test]
+    fn wrong_values_are_refused() {
+        for disparity in [2.0, f64::NAN, f64::INFINITY] {
+            assert!(matches!(
+                Scene::named(Kind::Flat, &camera(), Some(disparity), 1, &Silent),
+                Err(Error::Parameter(_))
+            ));
+        }
+        assert!("nothing".parse::<Kind>().is_err() && "natural".parse() == Ok(Kind::Natural));
     }
 }
