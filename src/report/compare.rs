@@ -1,0 +1,29 @@
+//! The comparison of several stages of one picture: a slider between any two, and the same crop of every one.
+
+use std::fmt::Write as _;
+
+use super::{Picture, escape};
+
+/// One stage: its name and its picture; all stages of a comparison have the same size.
+#[derive(Debug, Clone)]
+pub struct Stage {
+    /// Shown beside the picture.
+    pub name: String,
+    /// The whole picture.
+    pub picture: Picture,
+}
+
+/// The comparison as HTML. Without a script, and on paper, it is a grid of all pictures; the script makes the slider of it.
+pub fn comparison(label: &str, stages: &[Stage]) -> String {
+    let mut html = format!("<section class=\"compare\" aria-label=\"{}\">\n<div class=\"grid stages\">\n", escape(label));
+    for stage in stages {
+        let _ = writeln!(
+            html,
+            "<figure>{}<figcaption>{}</figcaption></figure>",
+            stage.picture.element(&format!("{label}: {}", stage.name)),
+            escape(&stage.name)
+        );
+    }
+    html.push_str("</div>\n</section>\n");
+    html
+}

@@ -1,0 +1,204 @@
+//! One self-contained HTML page: headings, tables, plots, pictures, comparisons. Nothing is loaded from outside, every
+//! text is escaped, light and dark follow the reader's system, and without scripts or on paper everything is still there.
+
+mod compare;
+pub mod picture;
+pub mod plot;
+
+use std::fmt::Write as _;
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use sha2::{Digest as _, Sha256};
+
+pub use compare::{Stage, comparison};
+pub use picture::Picture;
+
+/// Style of the pages, also used by the viewer.
+pub const STYLE: &str = include_str!("style.css");
+/// Script of the comparisons.
+pub const SCRIPT: &str = include_str!("script.js");
+
+/// Text made safe for HTML, in elements and in quoted attributes.
+pub fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len() + 8);
+    for c in text.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\'' => out.push_str("&#39;"),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+/// Content policy of a page with the given inline script and style: these two and embedded pictures, nothing else.
+pub fn policy(script: &str, style: &str) -> String {
+    let hash = |text: &str| STANDARD.encode(Sha256::digest(text.as_bytes()));
+    format!(
+        "default-src 'none'; img-src data:; script-src 'sha256-{}'; style-src 'sha256-{}'; base-uri 'none'; form-action 'none'",
+        hash(script),
+        hash(style)
+    )
+}
+
+/// A table: every cell is text, numbers stand right.
+#[derive(Debug, Clone, Default)]
+pub struct Table {
+    /// What it shows.
+    pub caption: String,
+    /// Column heads.
+    pub head: Vec<String>,
+    /// Rows of cells; the first cell names the row.
+    pub rows: Vec<Vec<String>>,
+    /// Cells (row, column) that stand out.
+    pub best: Vec<(usize, usize)>,
+}
+
+/// A page being written.
+#[derive(Debug, Clone)]
+pub struct Page {
+    title: String,
+    body: String,
+}
+
+impl Page {
+    /// Starts a page with its title and a line below it.
+    pub fn new(title: &str, subtitle: &str) -> Page {
+        let body = format!("<header><h1>{}</h1><p>{}</p></header>\n", escape(title), escape(subtitle));
+        Page { title: title.to_owned(), body }
+    }
+
+    /// A heading.
+    pub fn heading(&mut self, text: &str) {
+        let _ = writeln!(self.body, "<h2>{}</h2>", escape(text));
+    }
+
+    /// A paragraph.
+    pub fn paragraph(&mut self, text: &str) {
+        let _ = writeln!(self.body, "<p>{}</p>", escape(text));
+    }
+
+    /// Lines of code, as they are.
+    pub fn code(&mut self, text: &str) {
+        let _ = writeln!(self.body, "<pre><code>{}</code></pre>", escape(text));
+    }
+
+    /// A table; too wide ones scroll by themselves.
+    pub fn table(&mut self, table: &Table) {
+        let _ = write!(
+            self.body,
+            "<div class=\"wide\" tabindex=\"0\" role=\"region\" aria-label=\"{0}\"><table><caption>{0}</caption><thead><tr>",
+            escape(&table.caption)
+        );
+        for cell in &table.head {
+            let _ = write!(self.body, "<th scope=\"col\">{}</th>", escape(cell));
+        }
+        self.body.push_str("</tr></thead><tbody>\n");
+        for (r, row) in table.rows.iter().enumerate() {
+            self.body.push_str("<tr>");
+            for (c, cell) in row.iter().enumerate() {
+                let best = if table.best.contains(&(r, c)) { " class=\"best\"" } else { "" };
+                let _ = if c == 0 {
+                    write!(self.body, "<th scope=\"row\"{best}>{}</th>", escape(cell))
+                } else {
+                    write!(self.body, "<td{best}>{}</td>", escape(cell))
+                };
+            }
+            self.body.push_str("</tr>\n");
+        }
+        self.body.push_str("</tbody></table></div>\n");
+    }
+
+    /// Pictures beside each other, each with its caption.
+    pub fn figures(&mut self, figures: &[(Picture, String)]) {
+        self.body.push_str("<div class=\"grid\">\n");
+        for (picture, caption) in figures {
+            let _ = writeln!(
+                self.body,
+                "<figure>{}<figcaption>{}</figcaption></figure>",
+                picture.element(caption),
+                escape(caption)
+            );
+        }
+        self.body.push_str("</div>\n");
+    }
+
+    /// A slider between any two stages of the same picture, with the same crop of all of them below.
+    pub fn compare(&mut self, label: &str, stages: &[Stage]) {
+        self.body.push_str(&comparison(label, stages));
+    }
+
+    /// A drawing, such as one of [`plot`], with its caption.
+    pub fn drawing(&mut self, svg: &str, caption: &str) {
+        let _ = writeln!(self.body, "<figure class=\"plot\">{svg}<figcaption>{}</figcaption></figure>", escape(caption));
+    }
+
+    /// The whole page.
+    pub fn finish(self) -> String {
+        format!(
+            "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n\
+             <meta http-equiv=\"Content-Security-Policy\" content=\"{}\">\n\
+             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+             <meta name=\"color-scheme\" content=\"light dark\">\n\
+             <title>{}</title>\n<style>{STYLE}</style></head>\n<body><main>\n{}</main>\n<script>{SCRIPT}</script>\n</body></html>\n",
+            escape(&policy(SCRIPT, STYLE)),
+            escape(&self.title),
+            self.body
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::Array3;
+
+    fn page() -> String {
+        let mut page = Page::new("A <b>title</b>", "x & y");
+        page.heading("\"quoted\"");
+        page.paragraph("<script>alert(1)</script>");
+        page.table(&Table {
+            caption: "c'".into(),
+            head: vec!["method".into(), "dB".into()],
+            rows: vec![vec!["<i>".into(), "1.0".into()]],
+            best: vec![(0, 1)],
+        });
+        let picture = Picture::png(&Array3::from_elem((4, 4, 3), 0.5), 1).unwrap();
+        page.figures(&[(picture.clone(), "one <".into())]);
+        let stage = |name: &str| Stage { name: name.into(), picture: picture.clone() };
+        page.compare("stages", &[stage("a"), stage("b\" onload=\"x")]);
+        page.finish()
+    }
+
+    #[test]
+    fn every_text_is_escaped() {
+        let page = page();
+        for bad in ["<b>title", "<script>alert", "<i>", "one <<", "\" onload=\"", "c'\""] {
+            assert!(!page.contains(bad), "{bad}");
+        }
+        assert!(page.contains("A &lt;b&gt;title&lt;/b&gt;") && page.contains("x &amp; y"));
+    }
+
+    #[test]
+    fn nothing_is_loaded_from_outside() {
+        let page = page();
+        // The one address a drawing may name is the SVG name space, which is not fetched.
+        let rest = page.replace("http://www.w3.org/2000/svg", "");
+        for outside in ["http:", "https:", "url(", "@import", "<link", "src=\"/", "import("] {
+            assert!(!rest.contains(outside), "{outside}");
+        }
+        assert_eq!(page.matches("<script").count(), 1);
+        assert_eq!(page.matches(" style=").count(), 0, "the policy would drop inline styles");
+    }
+
+    #[test]
+    fn the_policy_carries_the_right_hashes() {
+        // SHA-256 of the empty text, a published constant, in base 64.
+        let policy = policy("", "");
+        assert_eq!(policy.matches("47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU=").count(), 2);
+    }
+}
