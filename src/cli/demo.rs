@@ -1,11 +1,395 @@
-//! `lenslet demo`
+//! `lenslet demo`: simulates a capture, calibrates, decodes, runs every method, scores them against the simulated truth.
 
-use super::{Context, Outcome};
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
 
-/// demo
+use anyhow::Context as _;
+use lenslet::report::picture::{self, Crop};
+use lenslet::report::{Page, Picture, Stage, Table, plot};
+use lenslet::resample::{self, Method, RenderOptions, Target, encode, multiview};
+use lenslet_core::calibration::{self, Calibration};
+use lenslet_core::decode::{self, HexSamples};
+use lenslet_core::lightfield::{ColourSpace, colour};
+use lenslet_core::metrics::{self, Window};
+use lenslet_core::output::{self, Pending};
+use lenslet_core::progress::Observer;
+use lenslet_data_gen::simulate::{self, Camera, Kind, Lenslets, Options, Scene, Truth};
+use ndarray::{Array3, Axis};
+use serde_json::{Value, json};
+
+use super::{Context, Interrupted, Outcome, Usage};
+
+/// Show everything on a simulated capture: no input needed
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(after_help = "\
+Example: lenslet demo --out lenslet-demo
 
-pub fn run(_args: &Args, _context: &Context) -> anyhow::Result<Outcome> {
-    anyhow::bail!("not built yet")
+Simulates a capture with its white images, calibrates from these, decodes 7x7 views, reconstructs them by every method,
+scores each against the simulated truth. Writes report.html, comparison.png, pictures/, camera.calib and simulated/.")]
+pub struct Args {
+    /// Directory to write
+    #[arg(long, default_value = "lenslet-demo", value_name = "DIR")]
+    out: PathBuf,
+    /// Longer side of the views in pixels; the sensor is 3.04 times as wide, as in the camera
+    #[arg(long, default_value_t = 540, value_name = "N")]
+    size: usize,
+    /// Seed of the simulation
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    seed: u64,
+    /// Replace the directory if it exists
+    #[arg(long)]
+    force: bool,
+}
+
+/// Views a side, and those that are scored (row, column): the centre and the corners.
+const VIEWS: usize = 7;
+const SCORED: [(usize, usize); 5] = [(3, 3), (0, 0), (0, 6), (6, 0), (6, 6)];
+/// Pixels left out on each side when scoring.
+const BORDER: usize = 12;
+/// Crops shown: name and middle as shares of the picture.
+const CROPS: [(&str, f64, f64); 4] =
+    [("star", 0.33, 0.27), ("letters", 0.19, 0.49), ("leaves", 0.72, 0.18), ("fruit and wall", 0.6, 0.67)];
+
+/// One method's views, sRGB-encoded, in the order of [`SCORED`].
+struct Reconstruction {
+    name: &'static str,
+    about: &'static str,
+    views: Vec<Array3<f32>>,
+    seconds: f64,
+    scores: Vec<Scores>,
+}
+
+/// Scores of one view.
+#[derive(Clone, Copy)]
+struct Scores {
+    psnr_rgb: f64,
+    psnr_y: f64,
+    ssim_y: f64,
+}
+
+/// What calibration found beside what is true.
+struct Calibrated {
+    found: Calibration,
+    truth: usize,
+    rms: f64,
+    seconds: f64,
+}
+
+pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
+    if !(128..=2160).contains(&args.size) {
+        return Err(Usage(format!("--size must lie in 128..=2160, not {}", args.size)).into());
+    }
+    let pending = Pending::directory(&args.out, args.force)?;
+    let root = pending.path().to_path_buf();
+    let observer = &context.progress;
+    let began = Instant::now();
+
+    let camera = Camera::with_sensor(2 * (args.size * 3280 / 1080).div_ceil(2));
+    let options = Options { seed: args.seed, ..Options::default() };
+    let scene = Scene::named(Kind::Natural, &camera, None, args.seed, observer).map_err(super::simulate::sorted)?;
+    let simulation = simulate::render(&scene, &camera, &options, observer).map_err(super::simulate::sorted)?;
+    let size = simulate::output_size(&camera, args.size);
+    let truth_options = Truth { views: VIEWS, view_step: 1.0, size: args.size };
+    simulate::write(&root.join("simulated"), &scene, &camera, &options, &simulation, &truth_options, false, observer)
+        .map_err(super::simulate::sorted)?;
+    let truth: Vec<_> = SCORED
+        .iter()
+        .map(|&(v, u)| {
+            let mut view = simulate::view(&scene, &camera, simulate::offset([v, u], VIEWS, 1.0), size);
+            colour::convert(&mut view, ColourSpace::Linear, ColourSpace::Srgb);
+            view
+        })
+        .collect();
+    let simulated = began.elapsed().as_secs_f64();
+
+    let calibrated = calibrate(&simulation, &camera, args.seed, observer)?;
+    calibration::save(&root.join("camera.calib"), &calibrated.found, false)?;
+    let samples = decode::samples(&simulation.capture, &calibrated.found, &decode::Options::default(), observer)?;
+    let mut results = reconstruct(&samples, &Target { width: size.0, height: size.1 }, observer)?;
+    for result in &mut results {
+        result.scores = result.views.iter().zip(&truth).map(|(a, b)| score(a, b)).collect::<anyhow::Result<_>>()?;
+    }
+    if observer.cancelled() {
+        return Err(Interrupted.into());
+    }
+    write_pictures(&root, &results, &truth[0])?;
+    let seconds = began.elapsed().as_secs_f64();
+    let json = record(args, &calibrated, &results, seconds);
+    let page = page(args, &camera, &calibrated, &results, &truth[0], simulated)?;
+    output::write_file(&root.join("report.html"), false, page.as_bytes())?;
+    output::write_file(&root.join("scores.json"), false, serde_json::to_string_pretty(&json)?.as_bytes())?;
+    pending.commit()?;
+    Ok(Outcome { json, text: summary(args, &calibrated, &results, seconds) })
+}
+
+fn calibrate(
+    simulation: &simulate::Simulation,
+    camera: &Camera,
+    seed: u64,
+    observer: &dyn Observer,
+) -> anyhow::Result<Calibrated> {
+    let began = Instant::now();
+    let found = calibration::calibrate(&simulation.whites, &calibration::Options::default(), observer)?;
+    let lenslets = Lenslets::new(camera, seed).map_err(super::simulate::sorted)?;
+    let squares: f64 = found.lenslets.iter().map(|l| lenslets.nearest(l.x, l.y).1).sum();
+    let rms = (squares / found.lenslets.len().max(1) as f64).sqrt();
+    Ok(Calibrated { truth: simulation.centres.len(), rms, seconds: began.elapsed().as_secs_f64(), found })
+}
+
+/// Every method on the scored views.
+fn reconstruct(samples: &HexSamples, target: &Target, observer: &dyn Observer) -> anyhow::Result<Vec<Reconstruction>> {
+    let mut results = Vec::new();
+    for (method, name, about) in [
+        (Method::Bicubic, "bicubic", "low-resolution grid, then bicubic (paper 4.1)"),
+        (Method::Barycentric, "barycentric", "on the triangulated lenslets (paper 4.2)"),
+        (Method::Cubic, "cubic", "smooth surface through the same samples"),
+    ] {
+        let began = Instant::now();
+        let mut views = Vec::new();
+        for (v, u) in SCORED {
+            let options = RenderOptions::default();
+            resample::render(&single(samples, v, u), target, method, &options, &mut keep(&mut views), observer)?;
+        }
+        results.push(Reconstruction { name, about, views, seconds: began.elapsed().as_secs_f64(), scores: Vec::new() });
+    }
+    let began = Instant::now();
+    let mut views = Vec::new();
+    let options = multiview::Options { views: Some(SCORED.to_vec()), ..multiview::Options::default() };
+    multiview::render(samples, target, &options, &mut keep(&mut views), observer)?;
+    let about = "samples of all views at their true places (paper 4.3)";
+    results.push(Reconstruction {
+        name: "multiview",
+        about,
+        views,
+        seconds: began.elapsed().as_secs_f64(),
+        scores: Vec::new(),
+    });
+    Ok(results)
+}
+
+/// A sink that keeps views, sRGB-encoded.
+fn keep(views: &mut Vec<Array3<f32>>) -> impl FnMut(usize, usize, &Array3<f32>) -> anyhow::Result<()> {
+    |_, _, view| {
+        views.push(encode::srgb(view));
+        Ok(())
+    }
+}
+
+/// The samples of view (row `v`, column `u`) alone.
+fn single(samples: &HexSamples, v: usize, u: usize) -> HexSamples {
+    let k = v * samples.views + u;
+    HexSamples {
+        views: 1,
+        values: samples.values.index_axis(Axis(0), k).insert_axis(Axis(0)).to_owned(),
+        centres: samples.centres.clone(),
+        index: samples.index.clone(),
+        ..*samples
+    }
+}
+
+fn score(result: &Array3<f32>, truth: &Array3<f32>) -> anyhow::Result<Scores> {
+    let (a, b) = (result.view(), truth.view());
+    let inner = |p| metrics::inner(p, BORDER).context("the views are too small to be scored");
+    let (a, b) = (inner(&a)?, inner(&b)?);
+    let (ya, yb) = (metrics::luminance(a), metrics::luminance(b));
+    Ok(Scores {
+        psnr_rgb: metrics::psnr(a.into_dyn(), b.into_dyn())?,
+        psnr_y: metrics::psnr(ya.view().into_dyn(), yb.view().into_dyn())?,
+        ssim_y: metrics::ssim(ya.view(), yb.view(), Window::default())?,
+    })
+}
+
+fn mean(scores: &[Scores], of: impl Fn(&Scores) -> f64) -> f64 {
+    scores.iter().map(of).sum::<f64>() / scores.len().max(1) as f64
+}
+
+/// `pictures/NAME.png` of the central view of every method and of the truth, and the strip of crops.
+fn write_pictures(root: &Path, results: &[Reconstruction], truth: &Array3<f32>) -> anyhow::Result<()> {
+    for (name, view) in results.iter().map(|r| (r.name, &r.views[0])).chain([("truth", truth)]) {
+        let file: String = name.chars().map(|c| if c == ' ' { '-' } else { c }).collect();
+        output::write_file(&root.join("pictures").join(format!("{file}.png")), false, &Picture::png(view, 1)?.bytes)?;
+    }
+    let shown: Vec<_> = results.iter().filter(|r| r.name != "cubic").map(|r| (r.name, &r.views[0])).collect();
+    let side = (truth.dim().0 / 5).clamp(24, 80);
+    let mut rows = Vec::new();
+    for (k, (_, x, y)) in CROPS.into_iter().enumerate().filter(|(k, _)| [0, 2].contains(k)) {
+        let crop = Crop::about(truth.dim(), x, y, side, side);
+        let cut = |name: &str, view: &Array3<f32>| {
+            (if k == 0 { name.to_owned() } else { String::new() }, picture::enlarge(&crop.of(view), 3))
+        };
+        let all: Vec<_> = shown.iter().map(|(name, view)| cut(name, view)).chain([cut("truth", truth)]).collect();
+        rows.push(picture::strip(&all, 6, 12 * usize::from(k == 0) + 3 * usize::from(k != 0))?);
+    }
+    let views: Vec<_> = rows.iter().map(|r| r.view()).collect();
+    let strip = ndarray::concatenate(Axis(0), &views)?;
+    output::write_file(&root.join("comparison.png"), false, &Picture::png(&strip, 1)?.bytes)?;
+    Ok(())
+}
+
+fn record(args: &Args, calibrated: &Calibrated, results: &[Reconstruction], seconds: f64) -> Value {
+    let methods = results.iter().map(|r| {
+        let centre = r.scores[0];
+        let value = json!({
+            "psnr_rgb": centre.psnr_rgb, "psnr_y": centre.psnr_y, "ssim_y": centre.ssim_y,
+            "psnr_y_five_views": mean(&r.scores, |s| s.psnr_y), "ssim_y_five_views": mean(&r.scores, |s| s.ssim_y),
+            "seconds": r.seconds,
+        });
+        (r.name.to_owned(), value)
+    });
+    let lattice = &calibrated.found.lattice;
+    json!({
+        "out": args.out,
+        "size": args.size,
+        "seed": args.seed,
+        "calibration": {
+            "pitch": lattice.pitch(), "rotation": lattice.rotation(), "row_stretch": lattice.row_stretch(),
+            "lenslets": calibrated.found.lenslets.len(), "true_lenslets": calibrated.truth, "centre_rms": calibrated.rms,
+        },
+        "methods": methods.collect::<serde_json::Map<_, _>>(),
+        "seconds": seconds,
+    })
+}
+
+fn summary(args: &Args, calibrated: &Calibrated, results: &[Reconstruction], seconds: f64) -> String {
+    let mut text = format!(
+        "calibrated {} lenslets, pitch {:.4} px, centres {:.3} px RMS from the truth\n\n{:<24}{:>9}{:>9}{:>8}\n",
+        calibrated.found.lenslets.len(),
+        calibrated.found.lattice.pitch(),
+        calibrated.rms,
+        "centre view",
+        "PSNR RGB",
+        "PSNR Y",
+        "SSIM Y"
+    );
+    for r in results {
+        let s = r.scores[0];
+        let _ = writeln!(text, "{:<24}{:>9.2}{:>9.2}{:>8.4}", r.name, s.psnr_rgb, s.psnr_y, s.ssim_y);
+    }
+    let _ = write!(text, "\n{seconds:.0} s; look at {}", args.out.join("report.html").display());
+    text
+}
+
+fn page(
+    args: &Args,
+    camera: &Camera,
+    calibrated: &Calibrated,
+    results: &[Reconstruction],
+    truth: &Array3<f32>,
+    simulated: f64,
+) -> anyhow::Result<String> {
+    let mut page = Page::new(
+        "From a raw capture to sharp views",
+        &format!(
+            "A simulated capture of {0}x{0} sensor pixels, reconstructed to views of {1}x{1} by every method and compared with the truth.",
+            camera.sensor.0, args.size
+        ),
+    );
+    page.heading("The same view by every method");
+    let mut stages = Vec::new();
+    for (name, view) in results.iter().map(|r| (r.name, &r.views[0])).chain([("truth", truth)]) {
+        stages.push(Stage { name: name.to_owned(), picture: Picture::png(view, 1)? });
+    }
+    page.compare("central view", &stages);
+    scores_section(&mut page, results);
+    page.heading("Close up");
+    page.paragraph("The same piece of the central view, every pixel enlarged, nothing smoothed.");
+    let side = (truth.dim().0 / 5).clamp(24, 64);
+    for (name, x, y) in CROPS {
+        let crop = Crop::about(truth.dim(), x, y, side, side);
+        let figures = results
+            .iter()
+            .map(|r| (r.name, &r.views[0]))
+            .chain([("truth", truth)])
+            .map(|(method, view)| Ok((Picture::png(&crop.of(view), 3)?, format!("{name}: {method}"))))
+            .collect::<anyhow::Result<Vec<_>>>()?;
+        page.figures(&figures);
+    }
+    page.heading("Where each method is wrong");
+    page.paragraph(
+        "Difference from the truth, five times as strong: red is too bright, blue too dark, white is right.",
+    );
+    let figures = results
+        .iter()
+        .map(|r| Ok((Picture::jpeg(&picture::difference(&r.views[0], truth, 5.0), 85)?, r.name.to_owned())))
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    page.figures(&figures);
+    calibration_section(&mut page, camera, calibrated);
+    page.heading("How it was made");
+    page.paragraph(&format!(
+        "Scene, capture, two white images and the 7x7 truth views took {simulated:.1} s, calibration {:.1} s. The truth is the \
+         scene behind the lenslets' own low-pass (a Gaussian of a quarter pitch), seen from exactly one direction. Sensor \
+         noise, optical blur, vignetting, colour filters and errors of single lenslets are in the capture. The same steps by hand:",
+        calibrated.seconds
+    ));
+    page.code(&format!(
+        "lenslet simulate --sensor {} --size {} --seed {} --out sim\n\
+         lenslet calibrate sim/white-*.lfp --out sim/camera.calib\n\
+         lenslet decode sim/capture.lfp --calibration sim/camera.calib --method learned --size {} --out sim/views\n\
+         lenslet score sim/views sim/truth/views --border {BORDER}",
+        camera.sensor.0, args.size, args.seed, args.size
+    ));
+    Ok(page.finish())
+}
+
+fn scores_section(page: &mut Page, results: &[Reconstruction]) {
+    page.heading("Scores against the truth");
+    let columns: [(&str, fn(&Reconstruction) -> f64, usize); 5] = [
+        ("PSNR RGB, dB", |r| r.scores[0].psnr_rgb, 2),
+        ("PSNR luminance, dB", |r| r.scores[0].psnr_y, 2),
+        ("SSIM luminance", |r| r.scores[0].ssim_y, 4),
+        ("five views, PSNR luminance", |r| mean(&r.scores, |s| s.psnr_y), 2),
+        ("five views, SSIM", |r| mean(&r.scores, |s| s.ssim_y), 4),
+    ];
+    let mut head = vec!["method".to_owned()];
+    head.extend(columns.iter().map(|c| c.0.to_owned()));
+    head.push("seconds".to_owned());
+    let mut rows = Vec::new();
+    for r in results {
+        let mut row = vec![r.name.to_owned()];
+        row.extend(columns.iter().map(|(_, of, decimals)| format!("{:.*}", *decimals, of(r))));
+        row.push(format!("{:.2}", r.seconds));
+        rows.push(row);
+    }
+    let mut best = Vec::new();
+    for (c, (_, of, _)) in columns.iter().enumerate() {
+        let top = results.iter().enumerate().max_by(|a, b| of(a.1).total_cmp(&of(b.1)));
+        best.extend(top.map(|(r, _)| (r, c + 1)));
+    }
+    let caption = format!(
+        "Central view unless said otherwise, sRGB-encoded, {BORDER} pixels left out on each side. Five views: the centre \
+         and the corners of 7x7. Seconds: for these five views."
+    );
+    page.table(&Table { caption, head, rows, best });
+    let bars: Vec<_> = results.iter().map(|r| (r.name.to_owned(), r.scores[0].psnr_y)).collect();
+    let base = bars.iter().map(|b| b.1).fold(f64::INFINITY, f64::min).floor() - 1.0;
+    page.drawing(
+        &plot::bars("dB", base, &bars),
+        &format!("PSNR of the central view's luminance; the bars begin at {base:.0} dB."),
+    );
+    for r in results {
+        page.paragraph(&format!("{}: {}.", r.name, r.about));
+    }
+}
+
+fn calibration_section(page: &mut Page, camera: &Camera, calibrated: &Calibrated) {
+    page.heading("Calibration");
+    let lattice = &calibrated.found.lattice;
+    let row = |name: &str, found: String, truth: String| vec![name.to_owned(), found, truth];
+    let rows = vec![
+        row("pitch, px", format!("{:.4}", lattice.pitch()), format!("{:.4}", camera.pitch)),
+        row("rotation, rad", format!("{:.6}", lattice.rotation()), format!("{:.6}", camera.rotation)),
+        row("row stretch", format!("{:.6}", lattice.row_stretch()), format!("{:.6}", camera.row_stretch)),
+        row("lenslets", calibrated.found.lenslets.len().to_string(), calibrated.truth.to_string()),
+        row("centres, px RMS from the truth", format!("{:.4}", calibrated.rms), "0".to_owned()),
+    ];
+    page.table(&Table {
+        caption: format!(
+            "Found from two white images with noise; every lenslet has its own error of {:.2} px (standard deviation) in x and y.",
+            camera.jitter
+        ),
+        head: ["", "found", "true"].map(str::to_owned).to_vec(),
+        rows,
+        best: Vec::new(),
+    });
 }

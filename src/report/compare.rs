@@ -15,7 +15,8 @@ pub struct Stage {
 
 /// The comparison as HTML. Without a script, and on paper, it is a grid of all pictures; the script makes the slider of it.
 pub fn comparison(label: &str, stages: &[Stage]) -> String {
-    let mut html = format!("<section class=\"compare\" aria-label=\"{}\">\n<div class=\"grid stages\">\n", escape(label));
+    let mut html =
+        format!("<section class=\"compare\" aria-label=\"{}\">\n<div class=\"grid stages\">\n", escape(label));
     for stage in stages {
         let _ = writeln!(
             html,

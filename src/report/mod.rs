@@ -134,7 +134,8 @@ impl Page {
 
     /// A drawing, such as one of [`plot`], with its caption.
     pub fn drawing(&mut self, svg: &str, caption: &str) {
-        let _ = writeln!(self.body, "<figure class=\"plot\">{svg}<figcaption>{}</figcaption></figure>", escape(caption));
+        let _ =
+            writeln!(self.body, "<figure class=\"plot\">{svg}<figcaption>{}</figcaption></figure>", escape(caption));
     }
 
     /// The whole page.

@@ -152,7 +152,10 @@ pub fn enlarge(view: &Array3<f32>, times: usize) -> Array3<f32> {
 /// When there is no picture, or they differ in height.
 pub fn strip(pictures: &[(String, Array3<f32>)], gap: usize, letters: usize) -> anyhow::Result<Array3<f32>> {
     let height = pictures.first().map_or(0, |(_, p)| p.dim().0);
-    ensure!(height > 0 && pictures.iter().all(|(_, p)| p.dim().0 == height && p.dim().2 == 3), "pictures do not fit together");
+    ensure!(
+        height > 0 && pictures.iter().all(|(_, p)| p.dim().0 == height && p.dim().2 == 3),
+        "pictures do not fit together"
+    );
     let head = letters * 2;
     let width: usize = pictures.iter().map(|(_, p)| p.dim().1 + gap).sum::<usize>() - gap;
     let mut out = Array3::ones((height + head, width, 3));

@@ -114,7 +114,8 @@ pub fn bars(unit: &str, base: f64, bars: &[(String, f64)]) -> String {
     let start = 230.0;
     for (k, (name, value)) in bars.iter().enumerate() {
         let y = 8.0 + 30.0 * k as f64;
-        let share = if high > base && value.is_finite() { ((value - base) / (high - base)).clamp(0.0, 1.0) } else { 0.0 };
+        let share =
+            if high > base && value.is_finite() { ((value - base) / (high - base)).clamp(0.0, 1.0) } else { 0.0 };
         let width = share * (WIDTH - start - 110.0);
         let _ = write!(
             svg,
@@ -165,11 +166,8 @@ mod tests {
     #[test]
     fn bars_are_as_long_as_their_values() {
         let svg = bars("dB", 20.0, &[("a".into(), 25.0), ("b".into(), 30.0), ("c".into(), f64::NAN)]);
-        let widths: Vec<f64> = svg
-            .split("width=\"")
-            .skip(1)
-            .filter_map(|w| w.split('"').next().and_then(|w| w.parse().ok()))
-            .collect();
+        let widths: Vec<f64> =
+            svg.split("width=\"").skip(1).filter_map(|w| w.split('"').next().and_then(|w| w.parse().ok())).collect();
         assert!((widths[1] / widths[0] - 2.0).abs() < 0.01, "{widths:?}");
         assert_eq!(widths[2], 0.0);
     }

@@ -25,8 +25,8 @@ use lenslet_core::progress::Observer;
 use serde::{Deserialize, Serialize};
 
 pub use camera::{Camera, Lenslets, Profile};
-pub use draw::text;
 pub use chart::{FREQUENCIES, PATCHES, WHITE};
+pub use draw::text;
 pub use layer::{Bounds, Layer, Paint, Sheet};
 pub use photo::photos;
 pub use scene::{Frame, Kind, Plan, Region, Scene};

@@ -196,13 +196,13 @@ pub fn natural(frame: &Frame) -> Plan<'static> {
         if sx.hypot(sy) < 0.42 * ph {
             return solid(if star(sx, sy, 24.0) { [0.85, 0.84, 0.8] } else { [0.06, 0.07, 0.12] });
         }
-        let size = (0.035 * ph).max(2.0);
-        let line = ((y - 0.06 * ph) / (1.9 * size)).floor();
-        let shrink = size * (1.0 - 0.055 * line.max(0.0));
+        let size = (0.066 * ph).max(2.0);
+        let line = ((y - 0.06 * ph) / (1.6 * size)).floor();
+        let shrink = size * (1.0 - 0.09 * line.max(0.0));
         let written = line >= 0.0
             && text(
                 x + pw - 4.5,
-                y - 0.06 * ph - 1.9 * size * line,
+                y - 0.06 * ph - 1.6 * size * line,
                 WORDS[line.rem_euclid(6.0) as usize],
                 shrink,
                 0.95,
