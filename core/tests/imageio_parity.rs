@@ -5,7 +5,8 @@ use sha2::{Digest, Sha256};
 
 #[test]
 fn raw_pixels_are_those_of_imageio() {
-    let fixture: serde_json::Value = serde_json::from_str(include_str!("../../tests/reference/imageio_raw.json")).unwrap();
+    let fixture: serde_json::Value =
+        serde_json::from_str(include_str!("../../tests/reference/imageio_raw.json")).unwrap();
     let dir = tempfile::tempdir().unwrap();
     for name in ["lytro-f01", "lytro-illum"] {
         let expected = &fixture[name];
@@ -14,7 +15,10 @@ fn raw_pixels_are_those_of_imageio() {
         let path = dir.path().join("x.raw");
         std::fs::write(&path, bytes).unwrap();
         let mosaic = open(&path, None).unwrap().mosaic;
-        assert_eq!((mosaic.width as u64, mosaic.height as u64), (expected["width"].as_u64().unwrap(), expected["height"].as_u64().unwrap()));
+        assert_eq!(
+            (mosaic.width as u64, mosaic.height as u64),
+            (expected["width"].as_u64().unwrap(), expected["height"].as_u64().unwrap())
+        );
         for p in expected["pixels"].as_array().unwrap() {
             let at = |k: usize| p[k].as_u64().unwrap() as usize;
             assert_eq!(usize::from(mosaic.data[at(0) * mosaic.width + at(1)]), at(2), "{name} {p}");
