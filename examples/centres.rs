@@ -12,13 +12,17 @@ use ndarray::Array2;
 
 #[allow(clippy::print_stdout)]
 fn main() -> anyhow::Result<()> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let mut arguments: Vec<String> = std::env::args().skip(1).collect();
+    let mut options = Options { without_vignetting: true, ..Options::default() };
+    if let Some(at) = arguments.iter().position(|a| a == "--variant") {
+        let rest: Vec<String> = arguments.drain(at..).collect();
+        options.variant = rest.get(1).map_or("", String::as_str).parse().map_err(anyhow::Error::msg)?;
+    }
     let [image, out] = arguments.as_slice() else {
-        anyhow::bail!("usage: centres IMAGE.png OUT.npy");
+        anyhow::bail!("usage: centres IMAGE.png OUT.npy [--variant full|paper|integer|rotation-only|none]");
     };
     let began = Instant::now();
     let white = container::open(Path::new(image), None)?;
-    let options = Options { without_vignetting: true };
     let found = calibration::calibrate(&[white], &options, &Silent)?;
     let seconds = began.elapsed().as_secs_f64();
     let centres = Array2::from_shape_fn((found.lenslets.len(), 2), |(n, k)| {

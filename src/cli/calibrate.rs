@@ -1,9 +1,10 @@
 //! `lenslet calibrate`: white images (or ordinary captures) of a camera to its calibration file.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use lenslet_core::calibration::{self, Calibration, Options};
+use lenslet_core::calibration::{self, Calibration, Options, Variant};
 use lenslet_core::container::{self, Capture};
+use lenslet_core::output;
 use lenslet_core::progress::Observer;
 use serde_json::{Value, json};
 
@@ -18,8 +19,11 @@ White images are captures of an evenly lit white surface; several of one camera,
 .lfp containers, .raw with the .txt or .json beside it, and mosaics as png, tif or jpg.")]
 pub struct Args {
     /// White images of one camera
-    #[arg(required = true, value_name = "WHITE")]
+    #[arg(required_unless_present = "from_captures", value_name = "WHITE")]
     whites: Vec<PathBuf>,
+    /// Ordinary captures of one camera instead of white images: five are typical, two give lenslets of their own places
+    #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with = "whites")]
+    from_captures: Vec<PathBuf>,
     /// The calibration file to write
     #[arg(short, long, value_name = "CAM.calib")]
     out: PathBuf,
@@ -29,16 +33,35 @@ pub struct Args {
     /// Camera profile, where the files do not name their camera
     #[arg(long, value_name = "NAME")]
     profile: Option<String>,
+    /// Which centres to give, for comparison: full, paper, integer, rotation-only or none
+    #[arg(long, value_name = "NAME", default_value_t)]
+    variant: Variant,
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
-    let captures = open(&args.whites, args.profile.as_deref(), context)?;
-    let found = calibration::calibrate(&captures, &Options::default(), &context.progress)
-        .map_err(|e| failed(e, &args.whites))?;
+    refuse_existing(&args.out, args.force)?;
+    let options = Options { variant: args.variant, ..Options::default() };
+    let whites = args.from_captures.is_empty();
+    let paths = if whites { &args.whites } else { &args.from_captures };
+    let captures = open(paths, args.profile.as_deref(), context)?;
+    let found = if whites {
+        calibration::calibrate(&captures, &options, &context.progress)
+    } else {
+        calibration::from_captures(&captures, &options, &context.progress)
+    };
+    let found = found.map_err(|e| failed(e, paths))?;
     calibration::save(&args.out, &found, args.force)?;
     let json = summary(&found);
     let text = format!("{}\n{}", args.out.display(), describe(&found));
     Ok(Outcome { json, text })
+}
+
+/// Says so before the work, not after it; `save` looks again.
+fn refuse_existing(path: &Path, force: bool) -> anyhow::Result<()> {
+    if !force && path.symlink_metadata().is_ok() {
+        return Err(output::Error::Exists(path.to_path_buf()).into());
+    }
+    Ok(())
 }
 
 fn open(paths: &[PathBuf], profile: Option<&str>, context: &Context) -> anyhow::Result<Vec<Capture>> {

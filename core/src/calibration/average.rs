@@ -92,7 +92,11 @@ fn tables(capture: &Capture, encode: &impl Fn(f32) -> f32) -> [Table; 4] {
     })
 }
 
-fn check(captures: &[Capture]) -> Result<(), Error> {
+/// Whether captures can be calibrated together: of one camera and size, large enough, with levels that make sense.
+///
+/// # Errors
+/// The first capture that cannot.
+pub fn check(captures: &[Capture]) -> Result<(), Error> {
     let first = captures.first().ok_or(Error::NoImages)?;
     let serial = &first.camera.serial;
     for (n, capture) in captures.iter().enumerate() {

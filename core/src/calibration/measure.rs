@@ -45,6 +45,13 @@ pub struct Measured {
     pub usable: bool,
 }
 
+impl Measured {
+    /// A lenslet found at (`x`, `y`) by other means, with nothing known of its light.
+    pub fn found(i: i32, j: i32, x: f64, y: f64) -> Self {
+        Measured { i, j, x, y, gain: 1.0, unit: [1.0; 2], misfit: 0.0, usable: true }
+    }
+}
+
 /// How a pixel's noise grows with light: variance ∝ T + FLOOR. Shot noise mostly, some read noise.
 const FLOOR: f32 = 0.08;
 

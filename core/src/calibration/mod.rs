@@ -1,30 +1,47 @@
 //! Algorithm 1 of the paper (section 3.2): from white images to the centre of every lenslet.
 //!
-//! Steps, a file each: `average` (several whites), `equalise` (demosaic by equal channels, grey), `spectrum` and `rotation`
-//! (the lattice in the frequency domain), `phase` (over the whole sensor), `profile` and `measure` (sub-pixel centres),
-//! `lattice` (the regular grid), `shrink` (each centre as far as the image is sure of it), `file` (the model on disk).
+//! Steps, a file each: `gamma`, `average` (several whites), `equalise` (demosaic by equal channels, grey), `stretch`; `spectrum` and
+//! `rotation` (the lattice in the frequency domain), `turn`; `erosion`, `maxima`, `paraboloid`, `triangulation`; `lattice` (the
+//! regular grid). `paper` runs them as the paper does. `refine`, the default, keeps the image as it is and goes from the
+//! spectrum to `phase` (the lattice over the whole sensor), `profile` and `measure` (sub-pixel centres with their variance),
+//! `field` (broad light) and `shrink` (each centre as far as the image is sure of it). `captures` does without white images,
+//! `vignetting` keeps the pattern, `file` the model on disk, `fits` tells whether a capture is this camera's.
 
 mod average;
+mod captures;
 mod equalise;
+mod erosion;
 mod error;
 mod field;
 mod file;
+mod fits;
+mod gamma;
 mod lattice;
 mod linear;
+mod maxima;
 mod measure;
 mod model;
+pub mod paper;
+mod paraboloid;
 mod phase;
 mod plane;
 mod profile;
 mod refine;
 mod rotation;
 mod shrink;
-mod spectrum;
+pub mod spectrum;
+mod stretch;
+pub mod triangulation;
+mod turn;
+mod variant;
+mod vignetting;
 
 pub use error::Error;
 pub use file::{load, save};
+pub use fits::{differences, fits};
 pub use model::*;
 pub use plane::Plane;
+pub use variant::Variant;
 
 use crate::container::Capture;
 use crate::progress::Observer;
@@ -32,34 +49,56 @@ use crate::progress::Observer;
 /// How a camera is calibrated.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Options {
+    /// Which centres to give.
+    pub variant: Variant,
     /// Leave out the vignetting pattern (centres only; quicker).
     pub without_vignetting: bool,
 }
+
+/// Steps reported to the observer.
+const STEPS: u64 = 6;
 
 /// Calibrates a camera from one or several white images (captures of an evenly lit white surface).
 ///
 /// # Errors
 /// Images that do not fit together, are black or saturated, or show no lenslet pattern; [`Error::Interrupted`].
 pub fn calibrate(whites: &[Capture], options: &Options, observer: &dyn Observer) -> Result<Calibration, Error> {
-    observer.begin("calibrate", 6);
+    observer.begin("calibrate", STEPS);
     let mut plane = average::average(whites, |v| v)?;
     equalise::equalise(&mut plane);
     let refined = refine::refine(&mut plane, observer)?;
-    let first = &whites[0];
+    let pattern = (!options.without_vignetting)
+        .then(|| vignetting::from_white(&plane, refined.field.full() * refined.profile.at(0.0)));
+    drop(plane);
+    let mut found = assemble(refined, pattern, whites, "white");
+    vary(&mut found, whites, options.variant, observer)?;
+    Ok(found)
+}
+
+/// Calibrates a camera from ordinary captures: the scenes average away, the lenslets stay. Five captures are typical, one gives
+/// the lattice without any lenslet's own place. The vignetting pattern is the mean micro-image; the main lens' broad light
+/// cannot be told from the scenes' and is left out.
+///
+/// # Errors
+/// As [`calibrate`].
+pub fn from_captures(captures: &[Capture], options: &Options, observer: &dyn Observer) -> Result<Calibration, Error> {
+    observer.begin("calibrate", STEPS + 2 * captures.len() as u64);
+    let mut plane = captures::pattern(captures, observer)?;
+    let mut refined = refine::refine(&mut plane, observer)?;
+    captures::agree(captures, &mut refined, observer)?;
+    let pattern = (!options.without_vignetting).then(|| vignetting::from_pattern(&plane, &refined.lattice));
+    drop(plane);
+    let mut found = assemble(refined, pattern, captures, "captures");
+    vary(&mut found, captures, options.variant, observer)?;
+    Ok(found)
+}
+
+fn assemble(refined: refine::Refined, vignetting: Option<Vignetting>, from: &[Capture], method: &str) -> Calibration {
+    let first = &from[0];
     let accepted = 1.0 - refined.shrunk.rejected;
-    let peak = 1.0 - 1.0 / refined.prominence.max(1.0).sqrt();
-    let vignetting = (!options.without_vignetting).then(|| {
-        let scale = 32768.0 / (refined.field.full() * refined.profile.at(0.0)) as f32;
-        use rayon::prelude::*;
-        Vignetting {
-            width: plane.width,
-            height: plane.height,
-            white: plane.data.par_iter().map(|&v| (v * scale).round().clamp(0.0, 65535.0) as u16).collect(),
-        }
-    });
-    Ok(Calibration {
-        width: plane.width,
-        height: plane.height,
+    Calibration {
+        width: first.mosaic.width,
+        height: first.mosaic.height,
         lattice: refined.lattice,
         lenslets: refined.lenslets,
         quality: Quality {
@@ -67,16 +106,66 @@ pub fn calibrate(whites: &[Capture], options: &Options, observer: &dyn Observer)
             scatter: refined.shrunk.scatter,
             noise: refined.shrunk.noise,
             rejected: refined.shrunk.rejected,
-            confidence: (refined.coherence * peak * accepted).clamp(0.0, 1.0),
+            confidence: confidence(refined.coherence, refined.prominence, accepted),
         },
         vignetting,
         origin: Origin {
-            method: "white".into(),
+            method: method.into(),
             model: first.camera.model.clone(),
             serial: first.camera.serial.clone(),
             zoom_step: first.camera.zoom_step,
             focus_step: first.camera.focus_step,
-            sources: whites.iter().map(|w| w.source_sha256.clone()).collect(),
+            sources: from.iter().map(|c| c.source_sha256.clone()).collect(),
         },
-    })
+    }
+}
+
+/// 0 to 1: a pattern that agrees with itself over the sensor, stands out of the spectrum, and whose lenslets could be measured.
+fn confidence(coherence: f64, prominence: f64, accepted: f64) -> f64 {
+    let peak = 1.0 - 1.0 / prominence.max(1.0).sqrt();
+    (coherence * peak * accepted).clamp(0.0, 1.0)
+}
+
+/// Replaces the centres by those of a lesser variant.
+fn vary(found: &mut Calibration, captures: &[Capture], variant: Variant, observer: &dyn Observer) -> Result<(), Error> {
+    let (width, height) = (found.width, found.height);
+    let on_grid = |grid: Lattice| -> Vec<Lenslet> {
+        let place = |[i, j]: [i32; 2]| {
+            let [x, y] = grid.centre(i, j);
+            Lenslet { i, j, x, y, trust: 0.0 }
+        };
+        lattice::indices(&grid, width, height, 0.0).into_iter().map(place).collect()
+    };
+    match variant {
+        Variant::Full => return Ok(()),
+        Variant::Paper => {
+            let stages = paper::stages(captures, observer)?;
+            found.lattice = stages.lattice;
+            found.lenslets = stages.lenslets;
+            found.quality.residual_rms = stages.residual_rms;
+            found.quality.scatter = stages.residual_rms / std::f64::consts::SQRT_2;
+            found.quality.noise = 0.0;
+            let measured = found.lenslets.iter().filter(|l| l.trust > 0.0).count();
+            found.quality.rejected = 1.0 - measured as f64 / found.lenslets.len().max(1) as f64;
+            found.quality.confidence = confidence(stages.coherence, stages.prominence, 1.0 - found.quality.rejected);
+        }
+        Variant::Integer => {
+            let (right, bottom) = ((width - 1) as f64, (height - 1) as f64);
+            for l in &mut found.lenslets {
+                (l.x, l.y) = (l.x.round().clamp(0.0, right), l.y.round().clamp(0.0, bottom));
+            }
+        }
+        Variant::RotationOnly => {
+            let l = found.lattice;
+            found.lattice = variant::ideal(&l, l.pitch(), l.rotation(), width, height);
+            found.lenslets = on_grid(found.lattice);
+        }
+        Variant::None => {
+            let l = found.lattice;
+            found.lattice = variant::ideal(&l, l.pitch().round(), 0.0, width, height);
+            found.lenslets = on_grid(found.lattice);
+        }
+    }
+    found.origin.method = format!("{} ({variant})", found.origin.method);
+    Ok(())
 }

@@ -153,7 +153,8 @@ fn reindexed(lattice: &Lattice, mut measured: Vec<Measured>) -> Vec<Measured> {
     measured
 }
 
-fn listed(measured: &[Measured], shrunk: &Shrunk, width: usize, height: usize) -> Vec<Lenslet> {
+/// Lenslets with their centre on the sensor, by (j, i).
+pub fn listed(measured: &[Measured], shrunk: &Shrunk, width: usize, height: usize) -> Vec<Lenslet> {
     let (right, bottom) = (width as f64 - 1.0, height as f64 - 1.0);
     let mut all: Vec<Lenslet> = measured
         .iter()

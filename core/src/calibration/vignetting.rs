@@ -1,0 +1,105 @@
+//! The vignetting pattern decoding divides by: the white image itself, or, where there is none, the mean micro-image of the
+//! captures as it changes over the sensor.
+
+use rayon::prelude::*;
+
+use super::{Lattice, Plane, Vignetting};
+
+/// What 1.0 is stored as.
+const ONE: f32 = 32768.0;
+/// Sensor regions a side with a mean micro-image of their own.
+const REGIONS: usize = 5;
+/// Steps a lattice period is divided into.
+const STEPS: usize = 24;
+
+/// The white image, with `full` (light at a lenslet centre where the light is full) as 1.
+pub fn from_white(plane: &Plane, full: f64) -> Vignetting {
+    let scale = ONE / full as f32;
+    Vignetting {
+        width: plane.width,
+        height: plane.height,
+        white: plane.data.par_iter().map(|&v| store(v * scale)).collect(),
+    }
+}
+
+fn store(v: f32) -> u16 {
+    v.round().clamp(0.0, 65535.0) as u16
+}
+
+/// Mean micro-images, region by region, of a pattern whose local mean is 1 everywhere: what ordinary captures give. The broad light of
+/// the main lens cannot be told from the scene's and is left out. 1 = the middle of a lenslet.
+pub fn from_pattern(pattern: &Plane, lattice: &Lattice) -> Vignetting {
+    let (width, height) = (pattern.width, pattern.height);
+    let cells = REGIONS * REGIONS * STEPS * STEPS;
+    // Bands of rows, summed in order: the same sums whatever the threads do.
+    let band = 64;
+    let bands: Vec<Vec<[f64; 2]>> = (0..height.div_ceil(band))
+        .into_par_iter()
+        .map(|n| {
+            let mut sums = vec![[0f64; 2]; cells];
+            for y in n * band..((n + 1) * band).min(height) {
+                for (x, &v) in pattern.row(y).iter().enumerate() {
+                    if v >= pattern.limit[(y & 1) * 2 + (x & 1)] {
+                        continue;
+                    }
+                    let region = (y * REGIONS / height) * REGIONS + x * REGIONS / width;
+                    let [u, w] = phase(lattice, x, y);
+                    let cell = (region * STEPS + (w * STEPS as f64) as usize % STEPS) * STEPS
+                        + (u * STEPS as f64) as usize % STEPS;
+                    sums[cell][0] += f64::from(v);
+                    sums[cell][1] += 1.0;
+                }
+            }
+            sums
+        })
+        .collect();
+    let mut sums = vec![[0f64; 2]; cells];
+    for one in &bands {
+        for (sum, v) in sums.iter_mut().zip(one) {
+            sum[0] += v[0];
+            sum[1] += v[1];
+        }
+    }
+    let means: Vec<f32> = sums.iter().map(|s| if s[1] > 0.0 { (s[0] / s[1]) as f32 } else { 1.0 }).collect();
+    let image = |region: usize| &means[region * STEPS * STEPS..(region + 1) * STEPS * STEPS];
+    // Brightness of the middle of a lenslet: the lattice's integer points, where u and w are 0.
+    let tops: Vec<f32> = (0..REGIONS * REGIONS).map(|r| sample(image(r), 0.0, 0.0).max(1e-3)).collect();
+    let mut white = vec![0u16; width * height];
+    white.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+        let (r0, r1, fy) = between(y, height);
+        for (x, out) in row.iter_mut().enumerate() {
+            let (c0, c1, fx) = between(x, width);
+            let [u, w] = phase(lattice, x, y);
+            let of = |r: usize, c: usize| {
+                let region = r * REGIONS + c;
+                sample(image(region), u, w) / tops[region]
+            };
+            let top = of(r0, c0) * (1.0 - fx) + of(r0, c1) * fx;
+            let bottom = of(r1, c0) * (1.0 - fx) + of(r1, c1) * fx;
+            *out = store((top * (1.0 - fy) + bottom * fy) * ONE);
+        }
+    });
+    Vignetting { width, height, white }
+}
+
+/// Place within the lattice's cell, 0..1 along a and b.
+fn phase(lattice: &Lattice, x: usize, y: usize) -> [f64; 2] {
+    lattice.coordinates(x as f64, y as f64).map(|v| v.rem_euclid(1.0))
+}
+
+/// Bilinear, periodic; the bins' middles are at half steps.
+fn sample(image: &[f32], u: f64, w: f64) -> f32 {
+    let (pu, pw) = (u * STEPS as f64 - 0.5 + STEPS as f64, w * STEPS as f64 - 0.5 + STEPS as f64);
+    let (u0, w0) = (pu as usize, pw as usize);
+    let (fu, fw) = ((pu - u0 as f64) as f32, (pw - w0 as f64) as f32);
+    let at = |w: usize, u: usize| image[(w % STEPS) * STEPS + u % STEPS];
+    (at(w0, u0) * (1.0 - fu) + at(w0, u0 + 1) * fu) * (1.0 - fw)
+        + (at(w0 + 1, u0) * (1.0 - fu) + at(w0 + 1, u0 + 1) * fu) * fw
+}
+
+/// The regions on either side of a pixel, and how far it is towards the second.
+fn between(p: usize, length: usize) -> (usize, usize, f32) {
+    let at = ((p as f64 + 0.5) / length as f64 * REGIONS as f64 - 0.5).clamp(0.0, (REGIONS - 1) as f64);
+    let low = at as usize;
+    (low, (low + 1).min(REGIONS - 1), (at - low as f64) as f32)
+}
