@@ -2,12 +2,13 @@
 //! Writes N×2 f64 (x, y in sensor pixels, pixel centres at integers), prints one JSON object.
 
 use std::path::Path;
+use std::sync::Mutex;
 use std::time::Instant;
 
 use anyhow::Context as _;
 use lenslet_core::calibration::{self, Options};
 use lenslet_core::container;
-use lenslet_core::progress::Silent;
+use lenslet_core::progress::Observer;
 use ndarray::Array2;
 
 #[allow(clippy::print_stdout)]
@@ -18,23 +19,51 @@ fn main() -> anyhow::Result<()> {
         let rest: Vec<String> = arguments.drain(at..).collect();
         options.variant = rest.get(1).map_or("", String::as_str).parse().map_err(anyhow::Error::msg)?;
     }
+    let times = arguments.iter().position(|a| a == "--times").map(|at| arguments.remove(at)).is_some();
     let [image, out] = arguments.as_slice() else {
-        anyhow::bail!("usage: centres IMAGE.png OUT.npy [--variant full|paper|integer|rotation-only|none]");
+        anyhow::bail!("usage: centres IMAGE.png OUT.npy [--variant full|paper|integer|rotation-only|none] [--times]");
     };
     let began = Instant::now();
+    let watch = Watch::default();
+    watch.begin("read", 0);
     let white = container::open(Path::new(image), None)?;
-    let found = calibration::calibrate(&[white], &options, &Silent)?;
+    let found = calibration::calibrate(&[white], &options, &watch)?;
     let seconds = began.elapsed().as_secs_f64();
     let centres = Array2::from_shape_fn((found.lenslets.len(), 2), |(n, k)| {
         if k == 0 { found.lenslets[n].x } else { found.lenslets[n].y }
     });
     ndarray_npy::write_npy(out, &centres).with_context(|| format!("cannot write {out}"))?;
-    let report = serde_json::json!({
+    let mut report = serde_json::json!({
         "seconds": seconds,
         "pitch": found.lattice.pitch(),
         "rotation": found.lattice.rotation(),
         "count": found.lenslets.len(),
     });
+    if times {
+        report["stages"] = watch.stages();
+    }
     println!("{report}");
     Ok(())
+}
+
+/// Notes when each stage began.
+#[derive(Default)]
+struct Watch(Mutex<Vec<(String, Instant)>>);
+
+impl Watch {
+    /// Seconds of each stage.
+    fn stages(&self) -> serde_json::Value {
+        let Ok(mut marks) = self.0.lock() else { return serde_json::Value::Null };
+        marks.push((String::new(), Instant::now()));
+        let seconds = |w: &[(String, Instant)]| serde_json::json!((w[1].1 - w[0].1).as_secs_f64());
+        serde_json::Value::Object(marks.windows(2).map(|w| (w[0].0.clone(), seconds(w))).collect())
+    }
+}
+
+impl Observer for Watch {
+    fn begin(&self, stage: &str, _total: u64) {
+        if let Ok(mut marks) = self.0.lock() {
+            marks.push((stage.to_string(), Instant::now()));
+        }
+    }
 }

@@ -1,8 +1,12 @@
-//! `lenslet calibrate`: white images (or ordinary captures) of a camera to its calibration file.
+//! `lenslet calibrate`: white images (or ordinary captures, or a camera's whole bundle) to calibration files.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use lenslet_core::calibration::{self, Calibration, Options, Variant};
+use anyhow::Context as _;
+use lenslet_core::calibration::figures::{self, Picture};
+use lenslet_core::calibration::{self, Calibration, Options, Variant, paper};
+use lenslet_core::container::whites::{self, Candidate, State};
 use lenslet_core::container::{self, Capture};
 use lenslet_core::output;
 use lenslet_core::progress::Observer;
@@ -19,12 +23,15 @@ White images are captures of an evenly lit white surface; several of one camera,
 .lfp containers, .raw with the .txt or .json beside it, and mosaics as png, tif or jpg.")]
 pub struct Args {
     /// White images of one camera
-    #[arg(required_unless_present = "from_captures", value_name = "WHITE")]
+    #[arg(required_unless_present_any = ["from_captures", "bundle"], value_name = "WHITE")]
     whites: Vec<PathBuf>,
     /// Ordinary captures of one camera instead of white images: five are typical, two give lenslets of their own places
     #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with = "whites")]
     from_captures: Vec<PathBuf>,
-    /// The calibration file to write
+    /// A camera's calibration folder, data.C.n bundle or .tar: calibrates every zoom and focus in it; --out is a folder then
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["whites", "from_captures", "picture", "dump"])]
+    bundle: Option<PathBuf>,
+    /// The calibration file (with --bundle: folder) to write
     #[arg(short, long, value_name = "CAM.calib")]
     out: PathBuf,
     /// Replace an existing file
@@ -36,10 +43,23 @@ pub struct Args {
     /// Which centres to give, for comparison: full, paper, integer, rotation-only or none
     #[arg(long, value_name = "NAME", default_value_t)]
     variant: Variant,
+    /// Also draw centres and triangulation over the white image: OUT.png whole, OUT-close.png enlarged, OUT-residuals.png how far
+    /// the lenslets lie from the regular lattice
+    #[arg(long, value_name = "OUT.png")]
+    picture: Option<PathBuf>,
+    /// Also write the images of the paper's own steps (figures 4 to 6) into a new folder
+    #[arg(long, value_name = "DIR")]
+    dump: Option<PathBuf>,
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
-    refuse_existing(&args.out, args.force)?;
+    if let Some(place) = &args.bundle {
+        return bundle(args, place, context);
+    }
+    let pictures = args.picture.as_deref().map(pictures_of).unwrap_or_default();
+    for path in pictures.iter().chain(&args.dump).chain([&args.out]) {
+        refuse_existing(path, args.force)?;
+    }
     let options = Options { variant: args.variant, ..Options::default() };
     let whites = args.from_captures.is_empty();
     let paths = if whites { &args.whites } else { &args.from_captures };
@@ -51,9 +71,108 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     };
     let found = found.map_err(|e| failed(e, paths))?;
     calibration::save(&args.out, &found, args.force)?;
+    if !pictures.is_empty() {
+        let [whole, close] = figures::centres(&found);
+        // Full brightness at three times the typical distance.
+        let residuals = figures::residuals(&found, (3.0 * found.quality.residual_rms).max(0.01));
+        for (path, picture) in pictures.iter().zip([whole, close, residuals]) {
+            write_picture(path, args.force, picture)?;
+        }
+    }
+    if let Some(folder) = &args.dump {
+        let stages = paper::stages(&captures, &context.progress).map_err(|e| failed(e, paths))?;
+        let pending = output::Pending::directory(folder, args.force)?;
+        for (name, picture) in figures::steps(&stages, captures[0].cfa) {
+            write_picture(&pending.path().join(name), false, picture)?;
+        }
+        pending.commit()?;
+    }
     let json = summary(&found);
     let text = format!("{}\n{}", args.out.display(), describe(&found));
     Ok(Outcome { json, text })
+}
+
+/// The names of the three pictures.
+fn pictures_of(path: &Path) -> Vec<PathBuf> {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let named = |what: &str| path.with_file_name(format!("{stem}-{what}.png"));
+    vec![path.to_path_buf(), named("close"), named("residuals")]
+}
+
+fn write_picture(path: &Path, force: bool, picture: Picture) -> anyhow::Result<()> {
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let (w, h) = (picture.width as u32, picture.height as u32);
+    let image = image::RgbImage::from_raw(w, h, picture.rgb).context("a picture without pixels")?;
+    image.write_to(&mut bytes, image::ImageFormat::Png)?;
+    output::write_file(path, force, &bytes.into_inner())?;
+    Ok(())
+}
+
+/// One calibration for each body, zoom and focus among the white images of a folder, bundle or archive.
+fn bundle(args: &Args, place: &Path, context: &Context) -> anyhow::Result<Outcome> {
+    refuse_existing(&args.out, args.force)?;
+    let found = whites::list(place)?;
+    for warning in &found.warnings {
+        context.progress.note(warning);
+    }
+    type Key = (Option<String>, Option<i64>, Option<i64>);
+    let mut groups: BTreeMap<Key, Vec<&Candidate>> = BTreeMap::new();
+    for candidate in found.candidates.iter().filter(|c| c.state == State::White) {
+        let camera = &candidate.frame.camera;
+        groups.entry((camera.serial.clone(), camera.zoom_step, camera.focus_step)).or_default().push(candidate);
+    }
+    if groups.is_empty() {
+        let there = found.candidates.len();
+        anyhow::bail!(
+            "{}: no white image bright enough to calibrate from ({there} images there are black, dark or saturated)",
+            place.display()
+        );
+    }
+    let pending = output::Pending::directory(&args.out, args.force)?;
+    let options = Options { variant: args.variant, ..Options::default() };
+    let (mut list, mut text) = (Vec::new(), String::new());
+    for (number, ((serial, zoom, focus), candidates)) in groups.iter().enumerate() {
+        let name = file_name(serial.as_deref(), *zoom, *focus, number);
+        let mut captures = Vec::new();
+        for candidate in candidates {
+            captures.push(candidate.load()?);
+            context.progress.check()?;
+        }
+        let labels: Vec<PathBuf> = candidates.iter().map(|c| PathBuf::from(c.member.label())).collect();
+        match calibration::calibrate(&captures, &options, &context.progress) {
+            Ok(calibration) => {
+                calibration::save(&pending.path().join(&name), &calibration, false)?;
+                let mut json = summary(&calibration);
+                json["file"] = name.clone().into();
+                list.push(json);
+                text.push_str(&format!("{name}: {} white images\n{}\n", captures.len(), describe(&calibration)));
+            }
+            Err(calibration::Error::Interrupted) => return Err(Interrupted.into()),
+            // One bad pair must not cost the user the others.
+            Err(e) => context.progress.note(&format!("{}", failed(e, &labels).root_cause())),
+        }
+    }
+    if list.is_empty() {
+        anyhow::bail!("{}: none of its white images could be calibrated", place.display());
+    }
+    pending.commit()?;
+    Ok(Outcome { json: json!({ "calibrations": list }), text })
+}
+
+/// A file name of what tells calibrations of a bundle apart; `number` where nothing does.
+fn file_name(serial: Option<&str>, zoom: Option<i64>, focus: Option<i64>, number: usize) -> String {
+    let mut parts = Vec::new();
+    // A serial number comes from a file: only harmless characters of it may become part of a name.
+    let tame: String = serial.unwrap_or("").chars().filter(char::is_ascii_alphanumeric).take(40).collect();
+    if !tame.is_empty() {
+        parts.push(tame);
+    }
+    parts.extend(zoom.map(|z| format!("zoom{z}")));
+    parts.extend(focus.map(|f| format!("focus{f}")));
+    if parts.is_empty() {
+        parts.push(format!("camera{number}"));
+    }
+    parts.join("-") + ".calib"
 }
 
 /// Says so before the work, not after it; `save` looks again.

@@ -140,6 +140,15 @@ pub fn agree(captures: &[Capture], found: &mut Refined, observer: &dyn Observer)
     let first = &captures[0].mosaic;
     let (width, height) = (first.width, first.height);
     let grid = found.lattice;
+    if captures.len() == 1 {
+        for l in &mut found.lenslets {
+            [l.x, l.y] = grid.centre(l.i, l.j);
+            l.trust = 0.0;
+        }
+        let (right, bottom) = ((width - 1) as f64, (height - 1) as f64);
+        found.lenslets.retain(|l| l.x >= 0.0 && l.y >= 0.0 && l.x <= right && l.y <= bottom);
+        return Ok(());
+    }
     let places: Vec<Site> = lattice::indices(&grid, width, height, 1.0)
         .into_iter()
         .map(|[i, j]| {

@@ -5,7 +5,7 @@
 //! 8   format version, u32
 //! 12  header length H, u32
 //! 16  H bytes of JSON: everything of [`Calibration`] that is small, the payload's layout and sha256
-//! …   deflated payload: lenslets (i i32, j i32, x f64, y f64, trust f32 each, one array after the other), then the white
+//! …   deflated payload: the lattice and quality figures as f64 (the header has them for the eye), lenslets (i i32, j i32, x f64, y f64, trust f32 each, one array after the other), then the white
 //!     image as u16, each row as differences two pixels apart (same colour)
 //! ```
 //! All numbers little-endian.
@@ -42,6 +42,14 @@ struct Header {
     payload_sha256: String,
 }
 
+/// Figures kept to the last bit: origin, a, b; the five of the quality.
+const FIGURES: usize = 11;
+
+fn figures(lattice: &Lattice, quality: &Quality) -> [f64; FIGURES] {
+    let (o, a, b, q) = (lattice.origin, lattice.a, lattice.b, quality);
+    [o[0], o[1], a[0], a[1], b[0], b[1], q.residual_rms, q.scatter, q.noise, q.rejected, q.confidence]
+}
+
 /// Bytes a lenslet takes.
 const LENSLET: usize = 4 + 4 + 8 + 8 + 4;
 
@@ -51,9 +59,12 @@ const LENSLET: usize = 4 + 4 + 8 + 8 + 4;
 /// When the file exists or cannot be written.
 pub fn save(path: &Path, calibration: &Calibration, force: bool) -> Result<(), Error> {
     let mut payload = Vec::with_capacity(
-        calibration.lenslets.len() * LENSLET + calibration.vignetting.as_ref().map_or(0, |v| 2 * v.white.len()),
+        8 * FIGURES
+            + calibration.lenslets.len() * LENSLET
+            + calibration.vignetting.as_ref().map_or(0, |v| 2 * v.white.len()),
     );
     let lenslets = &calibration.lenslets;
+    figures(&calibration.lattice, &calibration.quality).iter().for_each(|v| payload.extend(v.to_le_bytes()));
     lenslets.iter().for_each(|l| payload.extend(l.i.to_le_bytes()));
     lenslets.iter().for_each(|l| payload.extend(l.j.to_le_bytes()));
     lenslets.iter().for_each(|l| payload.extend(l.x.to_le_bytes()));
@@ -143,7 +154,12 @@ fn parse(mut file: impl Read, path: &str) -> Result<Calibration, Error> {
         return Err(bad("its payload does not match its checksum"));
     }
     let n = header.lenslets;
-    let (i, rest) = payload.split_at(4 * n);
+    let (exact, rest) = payload.split_at(8 * FIGURES);
+    let v: [f64; FIGURES] = std::array::from_fn(|k| f64::from_le_bytes(bytes(exact, k)));
+    let lattice = Lattice { grid: header.lattice.grid, origin: [v[0], v[1]], a: [v[2], v[3]], b: [v[4], v[5]] };
+    sound(&lattice).map_err(bad)?;
+    let quality = Quality { residual_rms: v[6], scatter: v[7], noise: v[8], rejected: v[9], confidence: v[10] };
+    let (i, rest) = rest.split_at(4 * n);
     let (j, rest) = rest.split_at(4 * n);
     let (x, rest) = rest.split_at(8 * n);
     let (y, rest) = rest.split_at(8 * n);
@@ -158,9 +174,9 @@ fn parse(mut file: impl Read, path: &str) -> Result<Calibration, Error> {
         })
         .collect();
     let (right, bottom) = (header.width as f64 - 1.0, header.height as f64 - 1.0);
-    let sound =
+    let inside =
         |l: &Lenslet| (0.0..=right).contains(&l.x) && (0.0..=bottom).contains(&l.y) && (0.0..=1.0).contains(&l.trust);
-    if !lenslets.iter().all(sound) {
+    if !lenslets.iter().all(inside) {
         return Err(bad("it has lenslets that are not on its sensor"));
     }
     let vignetting = header.vignetting.map(|[width, height]| {
@@ -174,9 +190,9 @@ fn parse(mut file: impl Read, path: &str) -> Result<Calibration, Error> {
     Ok(Calibration {
         width: header.width,
         height: header.height,
-        lattice: header.lattice,
+        lattice,
         lenslets,
-        quality: header.quality,
+        quality,
         vignetting,
         origin: header.origin,
     })
@@ -196,16 +212,19 @@ fn check(header: &Header) -> Result<usize, &'static str> {
         Some(_) => return Err("its white image is not of its sensor's size"),
         None => 0,
     };
-    if header.payload_bytes != header.lenslets * LENSLET + 2 * pixels {
+    if header.payload_bytes != 8 * FIGURES + header.lenslets * LENSLET + 2 * pixels {
         return Err("its payload has not the size its header asks for");
     }
-    let l = &header.lattice;
+    Ok(pixels)
+}
+
+fn sound(l: &Lattice) -> Result<(), &'static str> {
     let numbers = [l.origin, l.a, l.b];
     let det = l.a[0] * l.b[1] - l.a[1] * l.b[0];
     if !numbers.iter().flatten().all(|v| v.is_finite() && v.abs() < 1e6) || det.abs() <= 1.0 {
         return Err("its lattice is impossible");
     }
-    Ok(pixels)
+    Ok(())
 }
 
 /// The `k`th N-byte item of a slice that has it.
@@ -215,4 +234,88 @@ fn bytes<const N: usize>(from: &[u8], k: usize) -> [u8; N] {
 
 fn hex(digest: &[u8]) -> String {
     digest.iter().map(|b| format!("{b:02x}")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::{Grid, Options, calibrate, planted::Plant};
+    use crate::progress::Silent;
+
+    fn small() -> Calibration {
+        let (white, _) = Plant { width: 128, height: 96, jitter: 0.1, grid: Grid::HexRows, ..Plant::default() }.grow();
+        calibrate(&[white], &Options::default(), &Silent).unwrap()
+    }
+
+    fn bytes_of(calibration: &Calibration) -> Vec<u8> {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("x.calib");
+        save(&path, calibration, false).unwrap();
+        std::fs::read(path).unwrap()
+    }
+
+    #[test]
+    fn what_is_saved_is_loaded() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("x.calib");
+        let mut calibration = small();
+        save(&path, &calibration, false).unwrap();
+        assert_eq!(load(&path).unwrap(), calibration);
+        assert!(matches!(save(&path, &calibration, false), Err(Error::Output(crate::output::Error::Exists(_)))));
+        calibration.vignetting = None;
+        save(&path, &calibration, true).unwrap();
+        assert_eq!(load(&path).unwrap(), calibration);
+        assert!(matches!(load(&dir.path().join("none")), Err(Error::Read { .. })));
+    }
+
+    #[test]
+    fn every_truncation_and_every_flipped_byte_is_refused_or_harmless() {
+        let calibration = small();
+        let bytes = bytes_of(&calibration);
+        for length in (0..bytes.len()).step_by(61).chain(0..40) {
+            assert!(matches!(parse(&bytes[..length], "x"), Err(Error::Malformed { .. })), "{length}");
+        }
+        for at in (0..bytes.len()).step_by(37).chain(0..600) {
+            let mut broken = bytes.clone();
+            broken[at] ^= 0x15;
+            // A flipped digit in the header's figures can still be a calibration; lenslets and white image cannot change unseen.
+            if let Ok(read) = parse(&broken[..], "x") {
+                assert!(read.lenslets == calibration.lenslets && read.vignetting == calibration.vignetting);
+            }
+        }
+    }
+
+    #[test]
+    fn a_newer_file_says_what_to_do() {
+        let mut bytes = bytes_of(&small());
+        bytes[8] = 2;
+        let message = parse(&bytes[..], "cam.calib").unwrap_err().to_string();
+        assert!(message.contains("format 2") && message.contains("update"), "{message}");
+    }
+
+    #[test]
+    fn headers_that_promise_too_much_are_refused_before_memory_is_taken() {
+        let header = |width: usize, lenslets: usize, payload: usize| Header {
+            program: String::new(),
+            width,
+            height: 100,
+            lattice: Lattice { grid: Grid::Square, origin: [0.0; 2], a: [10.0, 0.0], b: [0.0, 10.0] },
+            lenslets,
+            vignetting: None,
+            quality: Quality::default(),
+            origin: Origin::default(),
+            payload_bytes: payload,
+            payload_sha256: String::new(),
+        };
+        assert!(check(&header(100, 10, 368)).is_ok());
+        assert!(check(&header(100, 10, 369)).is_err());
+        assert!(check(&header(100, usize::MAX / 8, 368)).is_err());
+        assert!(check(&header(usize::MAX, 10, 368)).is_err());
+        let mut lattice = header(100, 10, 368).lattice;
+        assert!(sound(&lattice).is_ok());
+        lattice.a = [0.0; 2];
+        assert!(sound(&lattice).is_err());
+        lattice.a = [f64::NAN; 2];
+        assert!(sound(&lattice).is_err());
+    }
 }

@@ -13,6 +13,7 @@ mod equalise;
 mod erosion;
 mod error;
 mod field;
+pub mod figures;
 mod file;
 mod fits;
 mod gamma;
@@ -25,12 +26,16 @@ pub mod paper;
 mod paraboloid;
 mod phase;
 mod plane;
+#[cfg(test)]
+mod planted;
 mod profile;
 mod refine;
 mod rotation;
 mod shrink;
 pub mod spectrum;
 mod stretch;
+#[cfg(test)]
+mod tests;
 pub mod triangulation;
 mod turn;
 mod variant;
@@ -55,18 +60,16 @@ pub struct Options {
     pub without_vignetting: bool,
 }
 
-/// Steps reported to the observer.
-const STEPS: u64 = 6;
-
 /// Calibrates a camera from one or several white images (captures of an evenly lit white surface).
 ///
 /// # Errors
 /// Images that do not fit together, are black or saturated, or show no lenslet pattern; [`Error::Interrupted`].
 pub fn calibrate(whites: &[Capture], options: &Options, observer: &dyn Observer) -> Result<Calibration, Error> {
-    observer.begin("calibrate", STEPS);
+    observer.begin("average", 0);
     let mut plane = average::average(whites, |v| v)?;
     equalise::equalise(&mut plane);
     let refined = refine::refine(&mut plane, observer)?;
+    observer.begin("vignetting", 0);
     let pattern = (!options.without_vignetting)
         .then(|| vignetting::from_white(&plane, refined.field.full() * refined.profile.at(0.0)));
     drop(plane);
@@ -82,10 +85,12 @@ pub fn calibrate(whites: &[Capture], options: &Options, observer: &dyn Observer)
 /// # Errors
 /// As [`calibrate`].
 pub fn from_captures(captures: &[Capture], options: &Options, observer: &dyn Observer) -> Result<Calibration, Error> {
-    observer.begin("calibrate", STEPS + 2 * captures.len() as u64);
+    observer.begin("pattern", captures.len() as u64);
     let mut plane = captures::pattern(captures, observer)?;
     let mut refined = refine::refine(&mut plane, observer)?;
+    observer.begin("agreement", captures.len() as u64);
     captures::agree(captures, &mut refined, observer)?;
+    observer.begin("vignetting", 0);
     let pattern = (!options.without_vignetting).then(|| vignetting::from_pattern(&plane, &refined.lattice));
     drop(plane);
     let mut found = assemble(refined, pattern, captures, "captures");

@@ -23,7 +23,9 @@ const FLOOR: f32 = 0.05;
 pub struct Stages {
     /// Encoded average of the captures (4a).
     pub average: Plane,
-    /// Equal channels, contrast stretched (4b to 4d).
+    /// Equal channels: the grey image (4b, 4c).
+    pub equalised: Plane,
+    /// Contrast stretched (4d).
     pub stretched: Plane,
     /// Power spectrum (5a).
     pub spectrum: spectrum::Spectrum,
@@ -54,17 +56,19 @@ pub struct Stages {
 /// # Errors
 /// As [`super::calibrate`].
 pub fn stages(captures: &[Capture], observer: &dyn Observer) -> Result<Stages, Error> {
-    let step = || {
-        observer.advance(1);
+    let step = |name: &str| {
+        observer.begin(name, 0);
         if observer.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
     };
+    step("average")?;
     let exponent = captures.first().map_or(gamma::USUAL, gamma::exponent);
     let average = average::average(captures, |v| gamma::encode(v, exponent))?;
     let mut plane = average.clone();
     equalise::equalise(&mut plane);
     let spectrum = spectrum::spectrum(&plane);
+    let equalised = plane.clone();
     stretch::stretch(&mut plane);
-    step()?;
+    step("rotate")?;
 
     let start = rotation::fundamentals(&spectrum)?;
     let locked = phase::lock(&plane, &start)?;
@@ -73,7 +77,7 @@ pub fn stages(captures: &[Capture], observer: &dyn Observer) -> Result<Stages, E
     let angle = guess.rotation();
     let (width, height) = (plane.width, plane.height);
     let turned = turn::turn(&plane, angle);
-    step()?;
+    step("erode")?;
 
     let pitch = guess.pitch();
     let eroded = erosion::erode(&turned, DISC * pitch);
@@ -84,7 +88,7 @@ pub fn stages(captures: &[Capture], observer: &dyn Observer) -> Result<Stages, E
         .map(|c| turn::unturned(c, angle, width, height))
         .filter(|c| c[0] >= 0.0 && c[1] >= 0.0 && c[0] <= (width - 1) as f64 && c[1] <= (height - 1) as f64)
         .collect();
-    step()?;
+    step("triangulate")?;
 
     let edges = triangulation::edges(&centres);
     let index = triangulation::walk(&centres, &edges, &guess);
@@ -115,6 +119,7 @@ pub fn stages(captures: &[Capture], observer: &dyn Observer) -> Result<Stages, E
         .collect();
     Ok(Stages {
         average,
+        equalised,
         stretched: plane,
         spectrum,
         angle,

@@ -12,6 +12,8 @@ use crate::progress::Observer;
 const REACH: f64 = 0.45;
 /// Micro-images flatter than this from centre to rim are none.
 const LEAST_CONTRAST: f64 = 0.03;
+/// Pixels nearer the model than this share of the light are never left out.
+const LEAST_CLIP: f64 = 0.1;
 /// Share of lenslets that must be measurable.
 const LEAST_USABLE: f64 = 0.3;
 
@@ -40,29 +42,35 @@ pub struct Refined {
 /// [`Error::NoPattern`], and [`Error::Interrupted`] when the observer asks to stop.
 pub fn refine(plane: &mut Plane, observer: &dyn Observer) -> Result<Refined, Error> {
     let (width, height) = (plane.width, plane.height);
+    let stage = |name: &str| {
+        observer.begin(name, 0);
+        if observer.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
+    };
+    stage("spectrum")?;
     let start = rotation::fundamentals(&spectrum::spectrum(plane))?;
-    stop(observer)?;
+    stage("phases")?;
     let locked = phase::lock(plane, &start)?;
-    stop(observer)?;
+    stage("centres, first")?;
     let mut grid = locked.lattice;
     let radius = REACH * spacing(&grid);
 
     let first = measure(plane, &Profile::paraboloid(radius), &sites(&grid, plane, None), f64::INFINITY);
     grid = lattice::fit(&grid, &first);
     let mut field = Field::new(&first, width, height, grid.pitch());
-    stop(observer)?;
+    stage("centres, second")?;
 
     let places = sites(&grid, plane, Some(&field));
     let mut profile = pattern(plane, &places, radius)?;
     let second = measure(plane, &profile, &places, f64::INFINITY);
     grid = lattice::fit(&grid, &second);
     field = Field::new(&second, width, height, grid.pitch());
-    stop(observer)?;
+    stage("centres, third")?;
 
     // Now about the places found, each with its own brightness, and without pixels that do not fit.
-    let clip = 6.0 * shrink::typical_misfit(&second);
+    let typical = shrink::typical_misfit(&second);
+    let clip = (6.0 * typical).max(LEAST_CLIP);
     let mut places = sites(&grid, plane, Some(&field));
-    follow(&mut places, &second, 0.2 * radius);
+    follow(&mut places, &second, 0.2 * radius, typical);
     profile = pattern(plane, &places, radius)?;
     let third = measure(plane, &profile, &places, clip);
     grid = lattice::centred(lattice::fit(&grid, &third), width, height);
@@ -72,6 +80,7 @@ pub fn refine(plane: &mut Plane, observer: &dyn Observer) -> Result<Refined, Err
             reason: format!("only {:.0} % of the lenslets could be measured", 100.0 * usable),
         });
     }
+    stage("shrink")?;
     let third: Vec<Measured> = reindexed(&grid, third);
     let shrunk = shrink::shrink(&grid, &third, width, height);
     let lenslets = listed(&third, &shrunk, width, height);
@@ -84,11 +93,6 @@ pub fn refine(plane: &mut Plane, observer: &dyn Observer) -> Result<Refined, Err
         coherence: locked.coherence,
         prominence: start.prominence,
     })
-}
-
-fn stop(observer: &dyn Observer) -> Result<(), Error> {
-    observer.advance(1);
-    if observer.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
 }
 
 /// Distance to the nearest neighbour.
@@ -113,17 +117,23 @@ fn sites(lattice: &Lattice, plane: &Plane, field: Option<&Field>) -> Vec<Site> {
         .collect()
 }
 
-/// Moves the sites to where their lenslets were seen, if that is near. Both lists are in (j, i) order and differ at the rim only.
-fn follow(places: &mut [Site], seen: &[Measured], near: f64) {
+/// Moves the sites to where their lenslets were seen, if that is near and nothing seems to lie on them. Both lists are in
+/// (j, i) order and differ at the rim only.
+fn follow(places: &mut [Site], seen: &[Measured], near: f64, typical: f64) {
     let mut seen = seen.iter().peekable();
     for site in places {
         let key = (site.j, site.i);
         while seen.next_if(|m| (m.j, m.i) < key).is_some() {}
         if let Some(m) = seen.next_if(|m| (m.j, m.i) == key)
             && m.usable
+            && m.misfit < 4.0 * typical * typical
             && (m.x - site.x).hypot(m.y - site.y) < near
         {
             (site.x, site.y) = (m.x, m.y);
+            // Its own brightness, unless something lies on it.
+            if (0.5..2.0).contains(&(m.gain / site.gain)) {
+                site.gain = m.gain;
+            }
         }
     }
 }

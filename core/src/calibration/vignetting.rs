@@ -9,8 +9,10 @@ use super::{Lattice, Plane, Vignetting};
 const ONE: f32 = 32768.0;
 /// Sensor regions a side with a mean micro-image of their own.
 const REGIONS: usize = 5;
-/// Steps a lattice period is divided into.
-const STEPS: usize = 24;
+/// Steps a lattice period is divided into: about two thirds of a pixel each.
+fn steps(lattice: &Lattice) -> usize {
+    ((1.5 * lattice.pitch()) as usize).clamp(8, 48)
+}
 
 /// The white image, with `full` (light at a lenslet centre where the light is full) as 1.
 pub fn from_white(plane: &Plane, full: f64) -> Vignetting {
@@ -30,13 +32,14 @@ fn store(v: f32) -> u16 {
 /// the main lens cannot be told from the scene's and is left out. 1 = the middle of a lenslet.
 pub fn from_pattern(pattern: &Plane, lattice: &Lattice) -> Vignetting {
     let (width, height) = (pattern.width, pattern.height);
-    let cells = REGIONS * REGIONS * STEPS * STEPS;
+    let steps = steps(lattice);
+    let cells = REGIONS * REGIONS * steps * steps;
     // Bands of rows, summed in order: the same sums whatever the threads do.
-    let band = 64;
-    let bands: Vec<Vec<[f64; 2]>> = (0..height.div_ceil(band))
+    let band = 128;
+    let bands: Vec<Vec<[f32; 2]>> = (0..height.div_ceil(band))
         .into_par_iter()
         .map(|n| {
-            let mut sums = vec![[0f64; 2]; cells];
+            let mut sums = vec![[0f32; 2]; cells];
             for y in n * band..((n + 1) * band).min(height) {
                 for (x, &v) in pattern.row(y).iter().enumerate() {
                     if v >= pattern.limit[(y & 1) * 2 + (x & 1)] {
@@ -44,10 +47,11 @@ pub fn from_pattern(pattern: &Plane, lattice: &Lattice) -> Vignetting {
                     }
                     let region = (y * REGIONS / height) * REGIONS + x * REGIONS / width;
                     let [u, w] = phase(lattice, x, y);
-                    let cell = (region * STEPS + (w * STEPS as f64) as usize % STEPS) * STEPS
-                        + (u * STEPS as f64) as usize % STEPS;
-                    sums[cell][0] += f64::from(v);
-                    sums[cell][1] += 1.0;
+                    for (cell, share) in corners(steps, u, w) {
+                        let sum = &mut sums[region * steps * steps + cell];
+                        sum[0] += share * v;
+                        sum[1] += share;
+                    }
                 }
             }
             sums
@@ -56,14 +60,13 @@ pub fn from_pattern(pattern: &Plane, lattice: &Lattice) -> Vignetting {
     let mut sums = vec![[0f64; 2]; cells];
     for one in &bands {
         for (sum, v) in sums.iter_mut().zip(one) {
-            sum[0] += v[0];
-            sum[1] += v[1];
+            sum[0] += f64::from(v[0]);
+            sum[1] += f64::from(v[1]);
         }
     }
-    let means: Vec<f32> = sums.iter().map(|s| if s[1] > 0.0 { (s[0] / s[1]) as f32 } else { 1.0 }).collect();
-    let image = |region: usize| &means[region * STEPS * STEPS..(region + 1) * STEPS * STEPS];
+    let images: Vec<Vec<f32>> = sums.chunks(steps * steps).map(|one| filled(one, steps)).collect();
     // Brightness of the middle of a lenslet: the lattice's integer points, where u and w are 0.
-    let tops: Vec<f32> = (0..REGIONS * REGIONS).map(|r| sample(image(r), 0.0, 0.0).max(1e-3)).collect();
+    let tops: Vec<f32> = images.iter().map(|i| sample(i, steps, 0.0, 0.0).max(1e-3)).collect();
     let mut white = vec![0u16; width * height];
     white.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
         let (r0, r1, fy) = between(y, height);
@@ -72,7 +75,7 @@ pub fn from_pattern(pattern: &Plane, lattice: &Lattice) -> Vignetting {
             let [u, w] = phase(lattice, x, y);
             let of = |r: usize, c: usize| {
                 let region = r * REGIONS + c;
-                sample(image(region), u, w) / tops[region]
+                sample(&images[region], steps, u, w) / tops[region]
             };
             let top = of(r0, c0) * (1.0 - fx) + of(r0, c1) * fx;
             let bottom = of(r1, c0) * (1.0 - fx) + of(r1, c1) * fx;
@@ -87,14 +90,48 @@ fn phase(lattice: &Lattice, x: usize, y: usize) -> [f64; 2] {
     lattice.coordinates(x as f64, y as f64).map(|v| v.rem_euclid(1.0))
 }
 
-/// Bilinear, periodic; the bins' middles are at half steps.
-fn sample(image: &[f32], u: f64, w: f64) -> f32 {
-    let (pu, pw) = (u * STEPS as f64 - 0.5 + STEPS as f64, w * STEPS as f64 - 0.5 + STEPS as f64);
+/// The four bins about a place, and each one's share; periodic, the bins' middles are at half steps.
+#[inline]
+fn corners(steps: usize, u: f64, w: f64) -> [(usize, f32); 4] {
+    let (pu, pw) = (u * steps as f64 + steps as f64 - 0.5, w * steps as f64 + steps as f64 - 0.5);
     let (u0, w0) = (pu as usize, pw as usize);
     let (fu, fw) = ((pu - u0 as f64) as f32, (pw - w0 as f64) as f32);
-    let at = |w: usize, u: usize| image[(w % STEPS) * STEPS + u % STEPS];
-    (at(w0, u0) * (1.0 - fu) + at(w0, u0 + 1) * fu) * (1.0 - fw)
-        + (at(w0 + 1, u0) * (1.0 - fu) + at(w0 + 1, u0 + 1) * fu) * fw
+    let at = |w: usize, u: usize| (w % steps) * steps + u % steps;
+    [
+        (at(w0, u0), (1.0 - fu) * (1.0 - fw)),
+        (at(w0, u0 + 1), fu * (1.0 - fw)),
+        (at(w0 + 1, u0), (1.0 - fu) * fw),
+        (at(w0 + 1, u0 + 1), fu * fw),
+    ]
+}
+
+fn sample(image: &[f32], steps: usize, u: f64, w: f64) -> f32 {
+    corners(steps, u, w).iter().map(|&(cell, share)| share * image[cell]).sum()
+}
+
+/// Means of the bins. Where the pixels' raster keeps step with the lattice some bins are seldom or never met: those lean on
+/// their neighbours.
+fn filled(sums: &[[f64; 2]], steps: usize) -> Vec<f32> {
+    let total: [f64; 2] = sums.iter().fold([0.0; 2], |s, v| [s[0] + v[0], s[1] + v[1]]);
+    if total[1] <= 0.0 {
+        return vec![1.0; sums.len()];
+    }
+    let usual = 0.1 * total[1] / sums.len() as f64;
+    let mut values: Vec<f64> =
+        sums.iter().map(|s| if s[1] > 0.0 { s[0] / s[1] } else { total[0] / total[1] }).collect();
+    for _ in 0..2 * steps {
+        values = (0..sums.len())
+            .map(|k| {
+                let (r, c) = (k / steps, k % steps);
+                let around = values[(r + 1) % steps * steps + c]
+                    + values[(r + steps - 1) % steps * steps + c]
+                    + values[r * steps + (c + 1) % steps]
+                    + values[r * steps + (c + steps - 1) % steps];
+                (sums[k][0] + usual * 0.25 * around) / (sums[k][1] + usual)
+            })
+            .collect();
+    }
+    values.into_iter().map(|v| v as f32).collect()
 }
 
 /// The regions on either side of a pixel, and how far it is towards the second.
