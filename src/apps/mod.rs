@@ -4,4 +4,5 @@ pub mod disparity;
 pub mod picture;
 pub mod refocus;
 pub mod relief;
+pub mod viewer;
 pub mod viewpoint;

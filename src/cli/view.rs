@@ -1,11 +1,104 @@
-//! `lenslet view`
+//! `lenslet view`: a page to play with.
 
-use super::{Context, Outcome};
+use std::path::{Path, PathBuf};
 
-/// view
+use lenslet::apps::{disparity, picture, viewer};
+use lenslet::resample::multiview::front_of;
+use lenslet_core::output;
+use lenslet_core::progress::Observer;
+use ndarray::Array2;
+use serde_json::json;
+
+use super::refocus::load;
+use super::score::parse_views;
+use super::{Context, Outcome, Usage};
+
+/// One HTML file to refocus and move around in, offline, in any browser
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(after_help = "\
+Example: lenslet view decoded/ --out page.html
+         lenslet view barycentric/ multiview/ learned/ --out compare.html
 
-pub fn run(_args: &Args, _context: &Context) -> anyhow::Result<Outcome> {
-    anyhow::bail!("not built yet")
+Several light fields of one capture get a button each. page.html#selftest checks itself and writes the findings into
+the document.")]
+pub struct Args {
+    /// The light field; more of the same capture to switch between
+    #[arg(required = true, num_args = 1..=8)]
+    light_fields: Vec<PathBuf>,
+    /// Where to write
+    #[arg(long, value_name = "PAGE.html")]
+    out: PathBuf,
+    /// Heading (default: the light field's name)
+    #[arg(long)]
+    title: Option<String>,
+    /// Longer side of the views in the page, pixels
+    #[arg(long, default_value_t = 720, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(16..=4096))]
+    side: u32,
+    /// JPEG quality of the views; lowered where the page would get too large
+    #[arg(long, default_value_t = 88, value_name = "1..100", value_parser = clap::value_parser!(u8).range(1..=100))]
+    quality: u8,
+    /// The page may be this many megabytes
+    #[arg(long, default_value_t = 20.0, value_name = "MB")]
+    max_mb: f64,
+    /// Views (N or ROWSxCOLUMNS) of files that do not say so
+    #[arg(long, value_name = "N", value_parser = parse_views)]
+    views: Option<[usize; 2]>,
+    /// Replace what is there
+    #[arg(long)]
+    force: bool,
+}
+
+fn name(path: &Path) -> String {
+    path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}
+
+pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
+    if !(args.max_mb > 0.0 && args.max_mb <= 1000.0) {
+        return Err(Usage("--max-mb must be above 0 and at most 1000".into()).into());
+    }
+    let mut side = args.side as usize;
+    let mut sets = Vec::new();
+    let mut views = (0, 0);
+    let mut relief: Option<(Array2<f32>, f32)> = None;
+    for path in &args.light_fields {
+        context.progress.begin("reading", 0);
+        let field = load(path, args.views)?;
+        context.progress.check()?;
+        let [rows, columns] = field.meta.views;
+        if relief.is_none() {
+            views = (rows, columns);
+            let longer = field.meta.size[0].max(field.meta.size[1]).max(1);
+            side = side.min(longer);
+            let options = disparity::Options { linear: true, ..disparity::Options::default() };
+            let found = disparity::estimate(&field.data.view(), &options, &context.progress)?;
+            let front = front_of(&field.data.view(), &found.disparity)?;
+            relief = Some((found.disparity, front));
+        }
+        sets.push(viewer::set(&field.meta.method.clone().unwrap_or_else(|| name(path)), &field.data.view(), side));
+    }
+    let Some((disparity, front)) = relief else { return Err(Usage("no light field given".into()).into()) };
+    // The same name twice tells nothing.
+    for k in 0..sets.len() {
+        if sets.iter().filter(|s| s.name == sets[k].name).count() > 1 {
+            sets[k].name = format!("{} {}", name(&args.light_fields[k]), k + 1);
+        }
+    }
+    let scaled = |map: &Array2<f32>, side: usize| {
+        let small = picture::shrink(&map.view().insert_axis(ndarray::Axis(2)), side);
+        let factor = small.dim().1 as f32 / map.dim().1 as f32;
+        small.index_axis(ndarray::Axis(2), 0).mapv(|d| d * factor)
+    };
+    let title = args.title.clone().unwrap_or_else(|| name(&args.light_fields[0]));
+    context.progress.begin("writing the page", 0);
+    let content = viewer::Content { title, views, disparity: scaled(&disparity, side), sets, front };
+    let html = viewer::page(&content, args.quality, (args.max_mb * 1e6) as usize)?;
+    output::write_file(&args.out, args.force, html.as_bytes())?;
+    let megabytes = html.len() as f64 / 1e6;
+    let text = format!(
+        "{}: {megabytes:.1} MB, {} light field(s), views of {side} pixels",
+        args.out.display(),
+        content.sets.len()
+    );
+    let json = json!({ "out": args.out, "bytes": html.len(), "side": side, "sets": content.sets.len() });
+    Ok(Outcome { json, text })
 }
