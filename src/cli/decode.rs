@@ -70,8 +70,8 @@ pub struct Args {
     /// White balance: camera (what the file says), auto (guessed from the capture), or gains R,G,B
     #[arg(long, default_value = "camera", value_name = "HOW", value_parser = parse_white_balance)]
     white_balance: WhiteBalance,
-    /// How colours are filled in: malvar or bilinear
-    #[arg(long, default_value = "malvar", value_name = "HOW", value_parser = parse_demosaic)]
+    /// How colours are filled in: lenslet (each micro-image by itself), malvar or bilinear
+    #[arg(long, default_value = "lenslet", value_name = "HOW", value_parser = parse_demosaic)]
     demosaic: Demosaic,
     /// Brighten (or darken, below 0) by this many stops
     #[arg(long, value_name = "EV", allow_negative_numbers = true, value_parser = parse_exposure)]
@@ -126,9 +126,10 @@ fn parse_white_balance(text: &str) -> Result<WhiteBalance, String> {
 
 fn parse_demosaic(text: &str) -> Result<Demosaic, String> {
     match text {
+        "lenslet" => Ok(Demosaic::Lenslet),
         "malvar" => Ok(Demosaic::Malvar),
         "bilinear" => Ok(Demosaic::Bilinear),
-        _ => Err("malvar or bilinear".into()),
+        _ => Err("lenslet, malvar or bilinear".into()),
     }
 }
 

@@ -1,0 +1,316 @@
+//! The demosaic that knows lenslets: every view's colour at every lenslet, straight from the pixels of its own micro-image.
+//!
+//! Objective: of all linear estimates from the lenslet's own pixels that return every constant colour exactly, take the
+//! one with the least expected squared error (ordinary co-kriging), for light whose colours share one field (luminance)
+//! and have one each (chrominance), both with Matérn-3/2 correlation over the micro-image, and noise that grows where the
+//! micro-image darkens. Nothing is taken from a neighbouring micro-image, and nothing is interpolated twice.
+//!
+//! The weights depend only on where the centre lies between the pixels and on the filter array's parity, so they are
+//! worked out once for each of a grid of sub-pixel positions and applied to all lenslets that share it.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt;
+use faer::{Mat, Par};
+use ndarray::Array3;
+use rayon::prelude::*;
+
+use super::develop::Mosaic;
+use super::{Error, HexSamples};
+use crate::calibration::{Calibration, Lattice};
+use crate::container::Cfa;
+use crate::progress::Observer;
+
+/// Sub-pixel positions a pixel and axis: centres are taken to within 1/32 pixel.
+const PHASES: i32 = 16;
+/// Luminance varies over this many pixels within a micro-image.
+const LUMINANCE: f64 = 4.0;
+/// Chrominance varies over this many.
+const CHROMINANCE: f64 = 6.0;
+/// Variance of a colour's own field against the shared one's 1.
+const COLOUR_SHARE: f64 = 0.5;
+/// Variance of the noise in full light against the signal's.
+const NOISE: f64 = 0.006;
+/// Pixels that touch a neighbouring micro-image hold its light: this margin (pixels) is left out.
+const MARGIN: f64 = 0.3;
+
+/// Everything a set of weights depends on.
+struct Plan<'a> {
+    lattice: &'a Lattice,
+    cfa: Cfa,
+    /// Mean relative light by distance from the centre, quarter pixels.
+    light: Vec<f64>,
+    /// Half width of the window, pixels.
+    reach: i32,
+    views: usize,
+    view_step: f64,
+}
+
+/// Weights of one sub-pixel position: `pixels.len()` rows of `outputs` values.
+struct Weights {
+    pixels: Vec<(i32, i32)>,
+    rows: Vec<f32>,
+    outputs: usize,
+}
+
+/// Values `(views², lenslets, channels)` of a developed mosaic at the lenslets and offsets of `samples`.
+pub(super) fn views(
+    mosaic: &Mosaic,
+    cfa: Cfa,
+    calibration: &Calibration,
+    samples: &HexSamples,
+    observer: &dyn Observer,
+) -> Result<Array3<f32>, Error> {
+    let pitch = calibration.lattice.pitch();
+    if !(4.0..=64.0).contains(&pitch) {
+        return Err(Error::Calibration(format!("lenslets {pitch} pixels apart: 4 to 64 are supported here")));
+    }
+    let plan = Plan {
+        lattice: &calibration.lattice,
+        cfa,
+        light: light(calibration),
+        reach: (pitch * 0.62).ceil() as i32,
+        views: samples.views,
+        view_step: samples.view_step,
+    };
+    let channels = if cfa == Cfa::Mono { 1 } else { 3 };
+    let n = samples.views * samples.views;
+
+    // Lenslets by the sub-pixel position of their centre; the order within depends on nothing but the lattice.
+    let mut order: Vec<(u32, u32)> = samples.centres.iter().enumerate().map(|(k, c)| (key(*c), k as u32)).collect();
+    order.par_sort_unstable();
+    let groups: Vec<&[(u32, u32)]> = order.chunk_by(|a, b| a.0 == b.0).collect();
+
+    observer.begin("sampling lenslets", groups.len() as u64);
+    let failed = AtomicBool::new(false);
+    let parts: Vec<Vec<f32>> = groups
+        .par_iter()
+        .map(|group| {
+            if observer.cancelled() {
+                return Vec::new();
+            }
+            let Some(weights) = solve(&plan, group[0].0) else {
+                failed.store(true, Ordering::Relaxed);
+                return Vec::new();
+            };
+            let mut out = vec![0f32; group.len() * weights.outputs];
+            for (o, &(_, k)) in out.chunks_exact_mut(weights.outputs).zip(group.iter()) {
+                apply(&weights, mosaic, samples.centres[k as usize], o);
+            }
+            observer.advance(1);
+            out
+        })
+        .collect();
+    if observer.cancelled() {
+        return Err(Error::Interrupted);
+    }
+    if failed.into_inner() {
+        return Err(Error::Calibration("its lattice leaves micro-images without pixels of every colour".into()));
+    }
+    let mut values = Array3::zeros((n, samples.centres.len(), channels));
+    if let Some(flat) = values.as_slice_mut() {
+        flat.par_chunks_mut(samples.centres.len() * channels).enumerate().for_each(|(view, to)| {
+            for (group, part) in groups.iter().zip(&parts) {
+                for (&(_, k), from) in group.iter().zip(part.chunks_exact(n * channels)) {
+                    let k = k as usize * channels;
+                    to[k..k + channels].copy_from_slice(&from[view * channels..(view + 1) * channels]);
+                }
+            }
+        });
+    }
+    Ok(values)
+}
+
+/// Nearest pixel of a centre, and its sub-pixel cell (0..PHASES on both axes).
+fn split(v: f64) -> (i64, i32) {
+    let cells = (v * f64::from(PHASES)).round() as i64;
+    let pixel = (cells + i64::from(PHASES) / 2).div_euclid(i64::from(PHASES));
+    (pixel, (cells - pixel * i64::from(PHASES)) as i32 + PHASES / 2)
+}
+
+/// Parity of the nearest pixel and sub-pixel cell as one number.
+fn key(c: [f64; 2]) -> u32 {
+    let ((x, fx), (y, fy)) = (split(c[0]), split(c[1]));
+    let parity = (y.rem_euclid(2) * 2 + x.rem_euclid(2)) as u32;
+    (parity * PHASES as u32 + fy as u32) * PHASES as u32 + fx as u32
+}
+
+/// Mean white image by distance from the centre, in quarter pixels, over lenslets spread over the sensor.
+fn light(calibration: &Calibration) -> Vec<f64> {
+    let bins = (calibration.lattice.pitch() * 4.0) as usize + 8;
+    let Some(v) = &calibration.vignetting else { return vec![1.0; bins] };
+    let reach = (calibration.lattice.pitch() * 0.62).ceil() as i64;
+    let mut sums = vec![(0f64, 0f64); bins];
+    let every = (calibration.lenslets.len() / 2000).max(1);
+    for l in calibration.lenslets.iter().step_by(every) {
+        let (x0, y0) = (l.x.round() as i64, l.y.round() as i64);
+        for y in y0 - reach..=y0 + reach {
+            for x in x0 - reach..=x0 + reach {
+                if x < 0 || y < 0 || x >= v.width as i64 || y >= v.height as i64 {
+                    continue;
+                }
+                let d = (x as f64 - l.x).hypot(y as f64 - l.y);
+                let bin = &mut sums[((d * 4.0) as usize).min(bins - 1)];
+                bin.0 += f64::from(v.white[y as usize * v.width + x as usize]) / 32768.0;
+                bin.1 += 1.0;
+            }
+        }
+    }
+    let mut light: Vec<f64> = sums.iter().map(|&(s, n)| if n > 0.0 { s / n } else { f64::NAN }).collect();
+    // Bins nobody fell into take the one before.
+    let mut last = 1.0;
+    for l in &mut light {
+        if !l.is_finite() {
+            *l = last;
+        }
+        last = *l;
+    }
+    let full = light.iter().copied().fold(1e-3, f64::max);
+    light.iter().map(|l| (l / full).clamp(0.02, 1.0)).collect()
+}
+
+/// Matérn correlation, ν = 3/2.
+fn matern(r: f64, length: f64) -> f64 {
+    let a = 3f64.sqrt() * r / length;
+    (1.0 + a) * (-a).exp()
+}
+
+/// The weights of one sub-pixel position. None when a colour has no pixel in the micro-image.
+fn solve(plan: &Plan<'_>, key: u32) -> Option<Weights> {
+    let cells = PHASES as u32;
+    let (parity, fy, fx) = (key / (cells * cells), (key / cells) % cells, key % cells);
+    let sub = |f: u32| (f64::from(f) - f64::from(PHASES / 2)) / f64::from(PHASES);
+    let centre = [sub(fx), sub(fy)];
+    let (px, py) = ((parity & 1) as usize, (parity >> 1) as usize);
+    let mono = plan.cfa == Cfa::Mono;
+    let channels = if mono { 1 } else { 3 };
+    let around: Vec<[f64; 2]> = neighbours(plan.lattice);
+
+    let mut pixels = Vec::new();
+    let mut places: Vec<([f64; 2], usize)> = Vec::new();
+    for dy in -plan.reach..=plan.reach {
+        for dx in -plan.reach..=plan.reach {
+            let d = [f64::from(dx) - centre[0], f64::from(dy) - centre[1]];
+            let own = around.iter().all(|n| {
+                let length = n[0].hypot(n[1]);
+                (d[0] * n[0] + d[1] * n[1]) / length <= length / 2.0 - MARGIN
+            });
+            if own {
+                let even = |p: usize, d: i32| (p as i32 + d).rem_euclid(2) as usize;
+                let colour = if mono { 0 } else { plan.cfa.colour(even(px, dx), even(py, dy)) };
+                pixels.push((dx, dy));
+                places.push((d, colour));
+            }
+        }
+    }
+    let m = pixels.len();
+    if (0..channels).any(|c| !places.iter().any(|p| p.1 == c)) {
+        return None;
+    }
+    let covariance = |d: [f64; 2], same: bool| {
+        let r = d[0].hypot(d[1]);
+        matern(r, LUMINANCE) + if same { COLOUR_SHARE * matern(r, CHROMINANCE) } else { 0.0 }
+    };
+    let mut k = Mat::<f64>::from_fn(m, m, |i, j| {
+        let ((p, a), (q, b)) = (places[i], places[j]);
+        covariance([p[0] - q[0], p[1] - q[1]], a == b)
+    });
+    for (i, (p, _)) in places.iter().enumerate() {
+        let bin = ((p[0].hypot(p[1]) * 4.0) as usize).min(plan.light.len() - 1);
+        k[(i, i)] += NOISE / (plan.light[bin] * plan.light[bin]);
+    }
+    // Right-hand sides: the covariance with each output, then the pixels of each colour (for the constraints).
+    let n = plan.views * plan.views;
+    let outputs = n * channels;
+    let half = (plan.views / 2) as f64;
+    let mut w = Mat::<f64>::from_fn(m, outputs + channels, |i, o| {
+        let (p, a) = places[i];
+        if o >= outputs {
+            return f64::from(u8::from(a == o - outputs));
+        }
+        let (view, c) = (o / channels, o % channels);
+        let u = ((view % plan.views) as f64 - half) * plan.view_step;
+        let v = ((view / plan.views) as f64 - half) * plan.view_step;
+        covariance([p[0] - u, p[1] - v], a == c)
+    });
+    factor_and_solve(&mut k, &mut w)?;
+    // Lagrange: sums over the pixels of each colour must be 1 for the output's colour and 0 for the others.
+    let sums = |o: usize, c: usize| -> f64 { (0..m).filter(|&i| places[i].1 == c).map(|i| w[(i, o)]).sum() };
+    let s: [[f64; 3]; 3] = std::array::from_fn(|a| {
+        std::array::from_fn(|b| {
+            if a < channels && b < channels { sums(outputs + b, a) } else { f64::from(u8::from(a == b)) }
+        })
+    });
+    let inverse = inverse(s)?;
+    let mut rows = vec![0f32; m * outputs];
+    for o in 0..outputs {
+        let missing: [f64; 3] =
+            std::array::from_fn(
+                |c| {
+                    if c < channels { f64::from(u8::from(o % channels == c)) - sums(o, c) } else { 0.0 }
+                },
+            );
+        let factor: [f64; 3] = std::array::from_fn(|a| (0..3).map(|b| inverse[a][b] * missing[b]).sum());
+        for i in 0..m {
+            let extra: f64 = (0..channels).map(|c| factor[c] * w[(i, outputs + c)]).sum();
+            rows[i * outputs + o] = (w[(i, o)] + extra) as f32;
+        }
+    }
+    Some(Weights { pixels, rows, outputs })
+}
+
+/// Cholesky on this thread only: results must not depend on how many there are.
+fn factor_and_solve(k: &mut Mat<f64>, right: &mut Mat<f64>) -> Option<()> {
+    let m = k.nrows();
+    let need = llt::factor::cholesky_in_place_scratch::<f64>(m, Par::Seq, Default::default())
+        .or(llt::solve::solve_in_place_scratch::<f64>(m, right.ncols(), Par::Seq));
+    let mut memory = MemBuffer::new(need);
+    let stack = MemStack::new(&mut memory);
+    llt::factor::cholesky_in_place(k.as_mut(), Default::default(), Par::Seq, stack, Default::default()).ok()?;
+    llt::solve::solve_in_place(k.as_ref(), right.as_mut(), Par::Seq, stack);
+    Some(())
+}
+
+/// Inverse of a small matrix by cofactors.
+fn inverse(s: [[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
+    let minor = |r: usize, c: usize| {
+        let (a, b) = ((r + 1) % 3, (r + 2) % 3);
+        let (d, e) = ((c + 1) % 3, (c + 2) % 3);
+        s[a][d] * s[b][e] - s[a][e] * s[b][d]
+    };
+    let det = (0..3).map(|c| s[0][c] * minor(0, c)).sum::<f64>();
+    (det.abs() > 1e-12).then(|| std::array::from_fn(|r| std::array::from_fn(|c| minor(c, r) / det)))
+}
+
+/// The eight lattice points around a lenslet.
+fn neighbours(lattice: &Lattice) -> Vec<[f64; 2]> {
+    let mut found = Vec::new();
+    for j in -1..=1 {
+        for i in -1..=1 {
+            if (i, j) != (0, 0) {
+                let (i, j) = (f64::from(i), f64::from(j));
+                found.push([i * lattice.a[0] + j * lattice.b[0], i * lattice.a[1] + j * lattice.b[1]]);
+            }
+        }
+    }
+    found
+}
+
+/// One lenslet: its pixels times the weights. Beyond the sensor's border pixels are mirrored, which keeps colours in step.
+fn apply(weights: &Weights, mosaic: &Mosaic, centre: [f64; 2], out: &mut [f32]) {
+    let (x, y) = (split(centre[0]).0, split(centre[1]).0);
+    let fold = |v: i64, n: usize| {
+        let last = n as i64 - 1;
+        let v = if v < 0 { -v } else { v };
+        (if v > last { 2 * last - v } else { v }).clamp(0, last) as usize
+    };
+    out.fill(0.0);
+    for (&(dx, dy), row) in weights.pixels.iter().zip(weights.rows.chunks_exact(weights.outputs)) {
+        let value =
+            mosaic.data[fold(y + i64::from(dy), mosaic.height) * mosaic.width + fold(x + i64::from(dx), mosaic.width)];
+        for (o, w) in out.iter_mut().zip(row) {
+            *o += w * value;
+        }
+    }
+}
