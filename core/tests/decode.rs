@@ -1,0 +1,352 @@
+//! Decoding planted scenes: what a small simulated sensor saw must come back, view by view.
+
+use lenslet_core::calibration::{Calibration, Lenslet, Vignetting};
+use lenslet_core::container::{CameraFacts, Capture, Cfa, ColourFacts, Levels, RawMosaic};
+use lenslet_core::decode::{self, Demosaic, Error, HexSamples, Options, Step, WhiteBalance};
+use lenslet_core::progress::Silent;
+use lenslet_core::sampling::{hexagonal, place};
+
+const WIDTH: usize = 180;
+const HEIGHT: usize = 150;
+const PITCH: f64 = 10.0;
+const BLACK: f32 = 168.0;
+const WHITE: f32 = 4095.0;
+const RESPONSE: [f32; 3] = [0.76, 1.0, 0.74];
+const KINDS: [Demosaic; 3] = [Demosaic::Lenslet, Demosaic::Malvar, Demosaic::Bilinear];
+
+/// Relative light at a pixel: bright at its lenslet's centre, dark at the border, and the lenslet's number.
+fn micro_image(centres: &[[f64; 2]], x: usize, y: usize) -> (f32, usize) {
+    let d = |c: &[f64; 2]| (c[0] - x as f64).hypot(c[1] - y as f64);
+    let (k, c) = centres.iter().enumerate().min_by(|a, b| d(a.1).total_cmp(&d(b.1))).unwrap();
+    let r = d(c) / (PITCH / 2.0);
+    ((1.0 - 0.8 * r * r).max(0.06) as f32, k)
+}
+
+/// A camera, and a capture of `scene(x, y, colour)` seen where each pixel looks: at its lenslet's centre plus
+/// `disparity` times the pixel's offset from it. `light` multiplies everything.
+fn planted(cfa: Cfa, disparity: f64, light: f32, scene: impl Fn(f64, f64, usize) -> f64) -> (Capture, Calibration) {
+    let lattice = hexagonal(PITCH, 0.003, 1.0004, [91.3, 76.8]);
+    let placed = place(&lattice, WIDTH, HEIGHT).unwrap();
+    // Lenslets whose centres lie off the sensor have micro-images on it, too.
+    let mut wide = hexagonal(PITCH, 0.003, 1.0004, [91.3 + 30.0, 76.8 + 30.0]);
+    let all: Vec<[f64; 2]> =
+        place(&wide, WIDTH + 60, HEIGHT + 60).unwrap().centres.iter().map(|c| [c[0] - 30.0, c[1] - 30.0]).collect();
+    wide.origin = lattice.origin;
+    assert_eq!(wide, lattice);
+    let (mut data, mut white) = (Vec::new(), Vec::new());
+    for y in 0..HEIGHT {
+        for x in 0..WIDTH {
+            let (w, k) = micro_image(&all, x, y);
+            let look = [0, 1].map(|n| all[k][n] + disparity * ([x, y][n] as f64 - all[k][n]));
+            let c = cfa.colour(x, y);
+            let response = if cfa == Cfa::Mono { 1.0 } else { RESPONSE[c] };
+            let value = light * w * response * scene(look[0], look[1], c) as f32;
+            data.push((BLACK + (WHITE - BLACK) * value).round().clamp(0.0, WHITE) as u16);
+            white.push((w * 32768.0).round() as u16);
+        }
+    }
+    let gains = RESPONSE.map(|r| 1.0 / r);
+    let capture = Capture {
+        mosaic: RawMosaic { width: WIDTH, height: HEIGHT, data },
+        cfa,
+        levels: Levels { black: [BLACK; 4], white: [WHITE; 4] },
+        colour: ColourFacts {
+            white_balance: [gains[0], gains[1], gains[1], gains[2]],
+            ccm: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            gamma: None,
+        },
+        camera: CameraFacts::default(),
+        mla: None,
+        source_sha256: String::new(),
+        white: None,
+        warnings: Vec::new(),
+    };
+    let lenslets = placed.centres.iter().zip(&placed.index);
+    let calibration = Calibration {
+        width: WIDTH,
+        height: HEIGHT,
+        lattice,
+        lenslets: lenslets.map(|(c, i)| Lenslet { i: i[0], j: i[1], x: c[0], y: c[1], trust: 1.0 }).collect(),
+        quality: Default::default(),
+        vignetting: Some(Vignetting { width: WIDTH, height: HEIGHT, white }),
+        origin: Default::default(),
+    };
+    (capture, calibration)
+}
+
+fn with(kind: Demosaic) -> Options {
+    let mut options = Options::default();
+    for step in &mut options.steps {
+        if let Step::Demosaic(k) = step {
+            *k = kind;
+        }
+    }
+    options
+}
+
+fn without(step: Step) -> Options {
+    let mut options = Options::default();
+    options.steps.retain(|s| *s != step);
+    options
+}
+
+fn decoded(capture: &Capture, calibration: &Calibration, options: &Options) -> HexSamples {
+    decode::samples(capture, calibration, options, &Silent).unwrap()
+}
+
+/// Lenslets at least `margin` pixels from the sensor's border.
+fn inner(samples: &HexSamples, margin: f64) -> Vec<usize> {
+    let keep =
+        |c: &[f64; 2]| c[0] > margin && c[1] > margin && c[0] < WIDTH as f64 - margin && c[1] < HEIGHT as f64 - margin;
+    (0..samples.centres.len()).filter(|&k| keep(&samples.centres[k])).collect()
+}
+
+#[test]
+fn a_white_scene_is_grey_in_every_view_with_every_demosaic() {
+    for cfa in [Cfa::Bggr, Cfa::Grbg, Cfa::Rggb, Cfa::Gbrg] {
+        let (capture, calibration) = planted(cfa, 0.3, 0.9, |_, _, _| 0.8);
+        for kind in KINDS {
+            let samples = decoded(&capture, &calibration, &with(kind));
+            assert_eq!(samples.values.dim(), (49, calibration.lenslets.len(), 3));
+            for view in samples.values.outer_iter() {
+                let mean: Vec<f32> = (0..3).map(|c| view.column(c).mean().unwrap()).collect();
+                for c in 0..3 {
+                    assert!((mean[c] / 0.72 - 1.0).abs() < 0.005, "{kind:?} {mean:?}");
+                    assert!((mean[c] / mean[1] - 1.0).abs() < 0.002, "{kind:?} {mean:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_sensor_without_filters_gives_one_channel() {
+    let (capture, calibration) = planted(Cfa::Mono, 0.0, 0.9, |_, _, _| 0.5);
+    for kind in KINDS {
+        let samples = decoded(&capture, &calibration, &with(kind));
+        assert_eq!(samples.values.dim().2, 1);
+        let mean = samples.values.mean().unwrap();
+        assert!((mean / 0.45 - 1.0).abs() < 0.005, "{kind:?} {mean}");
+    }
+}
+
+/// sRGB primaries, linear, to CIE L*a*b* (D65).
+fn lab(rgb: [f64; 3]) -> [f64; 3] {
+    let m = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]];
+    let white = [0.9505, 1.0, 1.089];
+    let f = |t: f64| if t > 0.008_856 { t.cbrt() } else { 7.787 * t + 16.0 / 116.0 };
+    let [x, y, z]: [f64; 3] = std::array::from_fn(|k| f((0..3).map(|c| m[k][c] * rgb[c]).sum::<f64>() / white[k]));
+    [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
+}
+
+#[test]
+fn a_colour_chart_comes_back_within_one_delta_e() {
+    // Camera colours are the inverse of this matrix times the chart's.
+    let to_srgb = [1.8, -0.6, -0.2, -0.3, 1.6, -0.3, 0.1, -0.7, 1.6];
+    let inverse = {
+        let m: [[f64; 3]; 3] = std::array::from_fn(|r| std::array::from_fn(|c| to_srgb[3 * r + c]));
+        let minor = |r: usize, c: usize| {
+            let (a, b, d, e) = ((r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3);
+            m[a][d] * m[b][e] - m[a][e] * m[b][d]
+        };
+        let det: f64 = (0..3).map(|c| m[0][c] * minor(0, c)).sum();
+        let out: [[f64; 3]; 3] = std::array::from_fn(|r| std::array::from_fn(|c| minor(c, r) / det));
+        out
+    };
+    let chart = [
+        [0.18, 0.085, 0.058],
+        [0.57, 0.30, 0.22],
+        [0.13, 0.51, 0.41],
+        [0.71, 0.20, 0.03],
+        [0.80, 0.80, 0.80],
+        [0.05, 0.05, 0.05],
+    ];
+    for kind in KINDS {
+        let mut worst: f64 = 0.0;
+        for colour in chart {
+            let camera: [f64; 3] = std::array::from_fn(|r| (0..3).map(|c| inverse[r][c] * colour[c]).sum());
+            let (mut capture, calibration) = planted(Cfa::Bggr, 0.2, 1.0, |_, _, c| camera[c]);
+            capture.colour.ccm = to_srgb.map(|v| v as f32);
+            let samples = decoded(&capture, &calibration, &with(kind));
+            for view in samples.values.outer_iter() {
+                let got: [f64; 3] = std::array::from_fn(|c| f64::from(view.column(c).mean().unwrap()));
+                let (a, b) = (lab(got), lab(colour));
+                worst = worst.max((0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt());
+            }
+        }
+        assert!(worst < 1.0, "{kind:?}: {worst}");
+    }
+}
+
+#[test]
+fn views_see_the_scene_from_their_own_side() {
+    // A tilted plane of light: view (v, u) must see it shifted by disparity times (u, v).
+    let plane = |x: f64, y: f64| 0.2 + 0.003 * x + 0.001 * y;
+    let disparity = 1.5;
+    let (capture, calibration) = planted(Cfa::Bggr, disparity, 0.9, |x, y, _| plane(x, y));
+    for kind in KINDS {
+        let samples = decoded(&capture, &calibration, &with(kind));
+        for (view, values) in samples.values.outer_iter().enumerate() {
+            let (u, v) = ((view % 7) as f64 - 3.0, (view / 7) as f64 - 3.0);
+            let mut error = 0.0;
+            let inner = inner(&samples, 12.0);
+            for &k in &inner {
+                let [x, y] = samples.centres[k];
+                let truth = 0.9 * plane(x + disparity * u, y + disparity * v);
+                for c in 0..3 {
+                    error += (f64::from(values[[k, c]]) / truth - 1.0).powi(2);
+                }
+            }
+            let rms = (error / (3 * inner.len()) as f64).sqrt();
+            // The four corner views lie 4.2 pixels out, at the micro-image's border, where the plain demosaics mix.
+            let limit = if kind == Demosaic::Lenslet || u.hypot(v) < 4.0 { 0.01 } else { 0.05 };
+            assert!(rms < limit, "{kind:?} ({v}, {u}): {rms}");
+        }
+    }
+}
+
+#[test]
+fn nothing_leaks_in_from_the_neighbouring_micro_image() {
+    // Half the lenslets see white, half black, in columns of the lattice two lenslets wide.
+    let (capture, calibration) =
+        planted(Cfa::Bggr, 0.0, 0.9, |x, _, _| if (x / 20.0).floor() as i64 % 2 == 0 { 0.9 } else { 0.1 });
+    let error = |kind| {
+        let samples = decoded(&capture, &calibration, &with(kind));
+        let mut worst: f64 = 0.0;
+        for &k in &inner(&samples, 12.0) {
+            let truth = 0.9 * if (samples.centres[k][0] / 20.0).floor() as i64 % 2 == 0 { 0.9 } else { 0.1 };
+            for view in samples.values.outer_iter() {
+                worst = worst.max((f64::from(view[[k, 1]]) - truth).abs());
+            }
+        }
+        worst
+    };
+    assert!(error(Demosaic::Lenslet) < 0.01);
+    assert!(error(Demosaic::Malvar) > 0.1);
+}
+
+#[test]
+fn saturated_light_is_neutral_and_nothing_is_infinite() {
+    let (capture, mut calibration) = planted(Cfa::Bggr, 0.0, 1.0, |_, _, _| 30.0);
+    let samples = decoded(&capture, &calibration, &Options::default());
+    let middle = samples.values.index_axis(ndarray::Axis(0), 24);
+    assert!(middle.iter().all(|v| (v - 1.0).abs() < 0.005));
+    // Without that step the colours end at different heights.
+    let samples = decoded(&capture, &calibration, &without(Step::Highlights));
+    let middle = samples.values.index_axis(ndarray::Axis(0), 24);
+    assert!(middle.column(0).mean().unwrap() / middle.column(1).mean().unwrap() > 1.2);
+    // A white image with black pixels.
+    calibration.vignetting.as_mut().unwrap().white.iter_mut().step_by(7).for_each(|w| *w = 0);
+    for kind in KINDS {
+        assert!(decoded(&capture, &calibration, &with(kind)).values.iter().all(|v| v.is_finite()));
+    }
+}
+
+#[test]
+fn each_step_does_its_part() {
+    let (mut capture, calibration) = planted(Cfa::Bggr, 0.0, 0.9, |_, _, _| 0.5);
+    let mean = |samples: &HexSamples, view: usize, c: usize| {
+        samples.values.index_axis(ndarray::Axis(0), view).column(c).mean().unwrap()
+    };
+    let all = decoded(&capture, &calibration, &Options::default());
+    let s = decoded(&capture, &calibration, &without(Step::Vignetting));
+    assert!(mean(&s, 0, 1) < 0.7 * mean(&s, 24, 1) && (mean(&all, 0, 1) / mean(&all, 24, 1) - 1.0).abs() < 0.01);
+    let s = decoded(&capture, &calibration, &without(Step::WhiteBalance));
+    assert!((mean(&s, 24, 0) / mean(&s, 24, 1) - RESPONSE[0]).abs() < 0.01);
+    let s = decoded(&capture, &calibration, &without(Step::BlackLevel));
+    assert!(mean(&s, 24, 1) > 1.04 * mean(&all, 24, 1));
+    let mut brighter = Options::default();
+    brighter.steps.push(Step::Exposure(1.0));
+    assert!((mean(&decoded(&capture, &calibration, &brighter), 24, 1) / mean(&all, 24, 1) - 2.0).abs() < 1e-4);
+    let auto = Options { white_balance: WhiteBalance::Auto, ..Options::default() };
+    let s = decoded(&capture, &calibration, &auto);
+    assert!((mean(&s, 24, 0) / mean(&s, 24, 1) - 1.0).abs() < 0.01);
+    let gains = Options { white_balance: WhiteBalance::Gains([1.0, 1.0, 2.0]), ..Options::default() };
+    let s = decoded(&capture, &calibration, &gains);
+    assert!((mean(&s, 24, 2) / mean(&s, 24, 1) - 2.0 * RESPONSE[2]).abs() < 0.02);
+    // One hot pixel.
+    capture.mosaic.data[75 * WIDTH + 90] = 4095;
+    let hot = decoded(&capture, &calibration, &Options::default());
+    let worst = hot.values.iter().zip(&all.values).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(worst < 0.02, "{worst}");
+    let left = decoded(&capture, &calibration, &without(Step::HotPixels));
+    let worst = left.values.iter().zip(&all.values).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(worst > 0.1, "{worst}");
+}
+
+#[test]
+fn threads_do_not_matter_and_neither_does_a_shift_of_everything() {
+    let texture = |x: f64, y: f64, c: usize| 0.5 + 0.3 * (0.31 * x + 0.2 * c as f64).sin() * (0.23 * y).cos();
+    let (capture, calibration) = planted(Cfa::Bggr, 0.4, 0.9, texture);
+    for kind in KINDS {
+        let run = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| decoded(&capture, &calibration, &with(kind)))
+        };
+        let one = run(1);
+        assert_eq!(one, run(3), "{kind:?}");
+        // Two pixels cut off at the left and the top: the filter array stays in step, everything else moves along.
+        let (mut cut, mut moved) = (capture.clone(), calibration.clone());
+        let crop =
+            |v: &[u16]| -> Vec<u16> { (2..HEIGHT).flat_map(|y| v[y * WIDTH + 2..(y + 1) * WIDTH].to_vec()).collect() };
+        cut.mosaic = RawMosaic { width: WIDTH - 2, height: HEIGHT - 2, data: crop(&capture.mosaic.data) };
+        let white = &calibration.vignetting.as_ref().unwrap().white;
+        moved.vignetting = Some(Vignetting { width: WIDTH - 2, height: HEIGHT - 2, white: crop(white) });
+        (moved.width, moved.height) = (WIDTH - 2, HEIGHT - 2);
+        for l in &mut moved.lenslets {
+            (l.x, l.y) = (l.x - 2.0, l.y - 2.0);
+        }
+        let shifted = decoded(&cut, &moved, &with(kind));
+        for &k in &inner(&one, 14.0) {
+            for view in 0..49 {
+                for c in 0..3 {
+                    let (a, b) = (one.values[[view, k, c]], shifted.values[[view, k, c]]);
+                    assert!((a - b).abs() < 2e-3, "{kind:?} view {view} lenslet {k}: {a} {b}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn bad_input_is_told_by_whose_fault_it_is() {
+    let (capture, calibration) = planted(Cfa::Bggr, 0.0, 0.9, |_, _, _| 0.5);
+    let run = |c: &Capture, k: &Calibration, o: &Options| decode::samples(c, k, o, &Silent).map(|_| ());
+    let good = Options::default();
+    let mut k = calibration.clone();
+    k.width += 1;
+    assert!(matches!(run(&capture, &k, &good), Err(Error::Mismatch { .. })));
+    let mut c = capture.clone();
+    c.mosaic.data.pop();
+    assert!(matches!(run(&c, &calibration, &good), Err(Error::Capture(_))));
+    let mut c = capture.clone();
+    c.levels.white = [BLACK; 4];
+    assert!(matches!(run(&c, &calibration, &good), Err(Error::Capture(_))));
+    let mut c = capture.clone();
+    c.colour.white_balance[2] = f32::NAN;
+    assert!(matches!(run(&c, &calibration, &good), Err(Error::Capture(_))));
+    let mut k = calibration.clone();
+    k.lenslets.clear();
+    assert!(matches!(run(&capture, &k, &good), Err(Error::Calibration(_))));
+    let mut k = calibration.clone();
+    k.lenslets[3].x = f64::NAN;
+    assert!(matches!(run(&capture, &k, &good), Err(Error::Calibration(_))));
+    let mut k = calibration.clone();
+    k.vignetting.as_mut().unwrap().white.pop();
+    assert!(matches!(run(&capture, &k, &good), Err(Error::Calibration(_))));
+    let mut k = calibration.clone();
+    k.lattice.a = [0.0, 0.0];
+    assert!(matches!(run(&capture, &k, &good), Err(Error::Calibration(_))));
+    for options in [
+        Options { views: 6, ..Options::default() },
+        Options { views: 17, ..Options::default() },
+        Options { view_step: f64::NAN, ..Options::default() },
+        Options { steps: vec![Step::BlackLevel], ..Options::default() },
+        Options { steps: vec![Step::ColourMatrix, Step::Demosaic(Demosaic::Malvar)], ..Options::default() },
+        Options { steps: vec![Step::Demosaic(Demosaic::Malvar), Step::BlackLevel], ..Options::default() },
+        Options { steps: vec![Step::Demosaic(Demosaic::Malvar), Step::Exposure(f32::NAN)], ..Options::default() },
+        Options { white_balance: WhiteBalance::Gains([0.0, 1.0, 1.0]), ..Options::default() },
+    ] {
+        assert!(matches!(run(&capture, &calibration, &options), Err(Error::Parameter(_))), "{options:?}");
+    }
+}
