@@ -290,7 +290,7 @@ fn page(
     for (name, view) in results.iter().map(|r| (r.name, &r.views[0])).chain([("truth", truth)]) {
         stages.push(Stage { name: name.to_owned(), picture: Picture::png(view, 1)? });
     }
-    page.compare("central view", &stages);
+    page.compare("central view", &stages, [CROPS[0].1, CROPS[0].2]);
     scores_section(&mut page, results);
     page.heading("Close up");
     page.paragraph("The same piece of the central view, every pixel enlarged, nothing smoothed.");
@@ -367,9 +367,7 @@ fn scores_section(page: &mut Page, results: &[Reconstruction]) {
         &plot::bars("dB", base, &bars),
         &format!("PSNR of the central view's luminance; the bars begin at {base:.0} dB."),
     );
-    for r in results {
-        page.paragraph(&format!("{}: {}.", r.name, r.about));
-    }
+    page.list(&results.iter().map(|r| (r.name, r.about)).collect::<Vec<_>>());
 }
 
 fn calibration_section(page: &mut Page, camera: &Camera, calibrated: &Calibrated) {

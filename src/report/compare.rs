@@ -14,9 +14,13 @@ pub struct Stage {
 }
 
 /// The comparison as HTML. Without a script, and on paper, it is a grid of all pictures; the script makes the slider of it.
-pub fn comparison(label: &str, stages: &[Stage]) -> String {
-    let mut html =
-        format!("<section class=\"compare\" aria-label=\"{}\">\n<div class=\"grid stages\">\n", escape(label));
+pub fn comparison(label: &str, stages: &[Stage], start: [f64; 2]) -> String {
+    let mut html = format!(
+        "<section class=\"compare\" aria-label=\"{}\" data-x=\"{:.3}\" data-y=\"{:.3}\">\n<div class=\"grid stages\">\n",
+        escape(label),
+        start[0],
+        start[1]
+    );
     for stage in stages {
         let _ = writeln!(
             html,

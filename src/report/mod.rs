@@ -82,6 +82,15 @@ impl Page {
         let _ = writeln!(self.body, "<p>{}</p>", escape(text));
     }
 
+    /// A list, each entry a name and what there is to say about it.
+    pub fn list(&mut self, entries: &[(&str, &str)]) {
+        self.body.push_str("<ul>");
+        for (name, text) in entries {
+            let _ = write!(self.body, "<li><strong>{}</strong>: {}</li>", escape(name), escape(text));
+        }
+        self.body.push_str("</ul>\n");
+    }
+
     /// Lines of code, as they are.
     pub fn code(&mut self, text: &str) {
         let _ = writeln!(self.body, "<pre><code>{}</code></pre>", escape(text));
@@ -91,7 +100,7 @@ impl Page {
     pub fn table(&mut self, table: &Table) {
         let _ = write!(
             self.body,
-            "<div class=\"wide\" tabindex=\"0\" role=\"region\" aria-label=\"{0}\"><table><caption>{0}</caption><thead><tr>",
+            "<div class=\"wide\" tabindex=\"0\" role=\"region\" aria-label=\"{0}\"><p>{0}</p><table><thead><tr>",
             escape(&table.caption)
         );
         for cell in &table.head {
@@ -127,9 +136,10 @@ impl Page {
         self.body.push_str("</div>\n");
     }
 
-    /// A slider between any two stages of the same picture, with the same crop of all of them below.
-    pub fn compare(&mut self, label: &str, stages: &[Stage]) {
-        self.body.push_str(&comparison(label, stages));
+    /// A slider between any two stages of the same picture, with the same crop of all of them below; the crop starts about
+    /// `start`, shares of the width and height.
+    pub fn compare(&mut self, label: &str, stages: &[Stage], start: [f64; 2]) {
+        self.body.push_str(&comparison(label, stages, start));
     }
 
     /// A drawing, such as one of [`plot`], with its caption.
@@ -171,7 +181,7 @@ mod tests {
         let picture = Picture::png(&Array3::from_elem((4, 4, 3), 0.5), 1).unwrap();
         page.figures(&[(picture.clone(), "one <".into())]);
         let stage = |name: &str| Stage { name: name.into(), picture: picture.clone() };
-        page.compare("stages", &[stage("a"), stage("b\" onload=\"x")]);
+        page.compare("stages", &[stage("a"), stage("b\" onload=\"x")], [0.5, 0.5]);
         page.finish()
     }
 

@@ -52,7 +52,7 @@ for (const section of document.querySelectorAll(".compare")) {
     make("figcaption", "", figure).textContent = name;
     return canvas.getContext("2d");
   });
-  const at = { x: 0.5, y: 0.5 };
+  const at = { x: Number(section.dataset.x) || 0.5, y: Number(section.dataset.y) || 0.5 };
   function show() {
     under.src = images[first.value].src;
     over.src = images[second.value].src;

@@ -152,7 +152,7 @@ pub fn occluders(frame: &Frame) -> Plan<'static> {
     }
 }
 
-/// A brick wall far off, a table that comes nearer, a poster in focus, fruit, leaves and wires in front.
+/// A brick wall far off, a table that comes nearer, a poster, fruit, leaves and wires in front.
 pub fn natural(frame: &Frame) -> Plan<'static> {
     let (seed, d) = (frame.seed, frame.disparity);
     let [hx, hy] = frame.half;
@@ -176,10 +176,10 @@ pub fn natural(frame: &Frame) -> Plan<'static> {
         let narrow = 0.62 + 0.38 * depth;
         solid(shade(wood(y / narrow, x / narrow, 14.0, seed ^ 24), 0.75 + 0.35 * depth as f32))
     };
-    // The table's disparity rises from the poster's at its back edge to D at the front.
-    let slope = (0.8 * d) / (hy - horizon).max(1.0);
+    // The table's disparity rises from −0.4 D at its back edge to 0.8 D at the front.
+    let slope = (1.2 * d) / (hy - horizon).max(1.0);
     let table = Sheet {
-        disparity: [-slope * horizon, 0.0, slope],
+        disparity: [-0.4 * d - slope * horizon, 0.0, slope],
         bounds: Some([-2.0 * hx - 40.0, horizon - 2.0, 2.0 * hx + 40.0, 2.0 * hy + 40.0]),
         paint: Box::new(table),
     };
@@ -266,7 +266,7 @@ pub fn natural(frame: &Frame) -> Plan<'static> {
             piece(0.7 * d, [0.7 * hx, -0.6 * hy], [0.9 * hx, 0.75 * hy], Box::new(leaves)),
             piece(0.45 * d, [0.35 * hx, 0.55 * hy], [0.4 * hx, 0.32 * hy], Box::new(fruit)),
             table,
-            piece(0.0, [px, py], [pw + 0.08 * r, ph + 0.08 * r], Box::new(poster)),
+            piece(-0.4 * d, [px, py], [pw + 0.08 * r, ph + 0.08 * r], Box::new(poster)),
             whole(-d, Box::new(wall)),
         ],
         regions: Vec::new(),

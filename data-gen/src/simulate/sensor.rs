@@ -157,3 +157,103 @@ pub fn record(signal: &[f32], sensor: (usize, usize), noise: f64, seed: u64, fra
     });
     RawMosaic { width: w, height: h, data }
 }
+
+#[cfg(test)]
+mod tests {
+    use lenslet_core::progress::Silent;
+
+    use super::*;
+    use crate::simulate::Kind;
+
+    fn camera() -> Camera {
+        Camera { sensor: (160, 120), rotation: 0.03, jitter: 0.2, ..Camera::default() }
+    }
+
+    /// Mean of `of` over a pixel and its optical blur, by brute force.
+    fn plain(camera: &Camera, x: f64, y: f64, of: &mut dyn FnMut(f64, f64, f64)) {
+        let n = 41;
+        for j in 0..n {
+            for i in 0..n {
+                let place = |k: i32| 4.0 * camera.psf.max(0.01) * (f64::from(k) / 20.0 - 1.0);
+                let (bx, by) = (place(i), place(j));
+                let weight = (-(bx * bx + by * by) / (2.0 * camera.psf * camera.psf)).exp();
+                for k in 0..9 {
+                    let (px, py) = (f64::from(k % 3 - 1) / 3.0, f64::from(k / 3 - 1) / 3.0);
+                    of(x + bx + px, y + by + py, weight);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_white_pattern_is_the_blurred_light() {
+        let camera = camera();
+        let lenslets = Lenslets::new(&camera, 1).unwrap();
+        let pattern = white_pattern(&camera, &lenslets);
+        let brute = |x: f64, y: f64, light: &dyn Fn(f64, f64) -> f64| {
+            let (mut sum, mut total) = (0.0, 0.0);
+            plain(&camera, x, y, &mut |x, y, w| {
+                sum += w * light(x, y);
+                total += w;
+            });
+            sum / total
+        };
+        let full = brute(0.0, 0.0, &|x, y| camera.light(x * x + y * y));
+        for k in 0..60usize {
+            let (x, y) = (k * 7 % 160, k * 13 % 120);
+            let light = brute(x as f64, y as f64, &|x, y| camera.light(lenslets.nearest(x, y).1));
+            let expected = light / full * camera.field(x as f64, y as f64);
+            let got = f64::from(pattern[y * 160 + x]);
+            assert!((got - expected).abs() < 0.01, "{x} {y}: {got} {expected}");
+        }
+        let most = pattern.iter().copied().fold(0f32, f32::max);
+        assert!((0.9..1.02).contains(&most), "{most}");
+    }
+
+    #[test]
+    fn a_pixel_sees_the_scene_through_its_lenslets() {
+        let camera = camera();
+        let lenslets = Lenslets::new(&camera, 1).unwrap();
+        let pattern = white_pattern(&camera, &lenslets);
+        let scene = Scene::named(Kind::Flat, &camera, Some(0.2), 4, &Silent).unwrap();
+        let signal = expose(&camera, &lenslets, &scene, &pattern, &Silent).unwrap();
+        let responses = camera.responses();
+        let (mut worst, mut squares) = (0f64, 0.0);
+        for k in 0..150usize {
+            let (x, y) = (k * 7 % 160, k * 13 % 120);
+            let (mut sum, mut total) = ([0f64; 3], 0.0);
+            plain(&camera, x as f64, y as f64, &mut |px, py, w| {
+                let (c, d2) = lenslets.nearest(px, py);
+                let seen = scene.sample(c[0], c[1], [px - c[0], py - c[1]]);
+                let w = w * camera.light(d2);
+                (0..3).for_each(|k| sum[k] += w * f64::from(seen[k]));
+                total += w;
+            });
+            let response = responses[CFA.plane(x, y)];
+            let expected =
+                f64::from(pattern[y * 160 + x]) * (0..3).map(|k| f64::from(response[k]) * sum[k] / total).sum::<f64>();
+            let error = (f64::from(signal[y * 160 + x]) - expected).abs();
+            worst = worst.max(error);
+            squares += error * error;
+        }
+        let rms = (squares / 150.0).sqrt();
+        assert!(rms < 0.004 && worst < 0.03, "{rms} {worst}");
+    }
+
+    #[test]
+    fn noise_has_the_strength_asked_for_and_black_and_white_hold() {
+        let signal = vec![0.25f32; 200 * 200];
+        let still = record(&signal, (200, 200), 0.0, 1, 0);
+        assert!(still.data.iter().all(|v| *v == (168.0f32 + 0.25 * 3927.0).round() as u16));
+        let noisy = record(&signal, (200, 200), 0.7, 1, 0);
+        let n = noisy.data.len() as f64;
+        let mean = noisy.data.iter().map(|v| f64::from(*v)).sum::<f64>() / n;
+        let deviation = (noisy.data.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>() / n).sqrt();
+        let expected = 0.7 * (0.25f64 * 3927.0 + 9.0).sqrt();
+        assert!((mean - 1149.75).abs() < 0.5 && (deviation / expected - 1.0).abs() < 0.03, "{mean} {deviation}");
+        assert_eq!(noisy, record(&signal, (200, 200), 0.7, 1, 0));
+        assert_ne!(noisy, record(&signal, (200, 200), 0.7, 1, 1));
+        assert!(record(&[2.0; 4], (2, 2), 0.0, 1, 0).data.iter().all(|v| *v == 4095));
+        assert!(record(&[-2.0; 4], (2, 2), 0.0, 1, 0).data.iter().all(|v| *v == 0));
+    }
+}

@@ -1,0 +1,258 @@
+//! `simulate`, and the way back from its captures: calibrate, decode, compare with the truth.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use lenslet::resample::{self, Method, RenderOptions, Target};
+use lenslet_core::calibration::{self, Calibration};
+use lenslet_core::container;
+use lenslet_core::decode::{self, HexSamples};
+use lenslet_core::lightfield::{self, ColourSpace, ReadOptions, colour};
+use lenslet_core::metrics;
+use lenslet_core::progress::Silent;
+use lenslet_data_gen::simulate::{self, Camera, Kind, Lenslets, Options, Scene, Simulation};
+use ndarray::{Array2, Array3, s};
+
+fn lenslet(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_lenslet")).arg("-q").args(arguments).output().unwrap()
+}
+
+/// Takes a capture of a named scene on a small sensor and calibrates from its white images.
+fn taken(kind: Kind, side: usize, noise: f64) -> (Camera, Scene, Simulation, Calibration) {
+    let camera = Camera::with_sensor(side);
+    let options = Options { seed: 3, noise, ..Options::default() };
+    let scene = Scene::named(kind, &camera, None, 3, &Silent).unwrap();
+    let simulation = simulate::render(&scene, &camera, &options, &Silent).unwrap();
+    let found = calibration::calibrate(&simulation.whites, &calibration::Options::default(), &Silent).unwrap();
+    (camera, scene, simulation, found)
+}
+
+fn central(simulation: &Simulation, found: &Calibration) -> HexSamples {
+    let options = decode::Options { views: 1, ..decode::Options::default() };
+    decode::samples(&simulation.capture, found, &options, &Silent).unwrap()
+}
+
+/// The central view by `method`, sRGB-encoded.
+fn view(samples: &HexSamples, target: Target, method: Method) -> Array3<f32> {
+    let mut views = Vec::new();
+    let mut keep = |_: usize, _: usize, view: &Array3<f32>| {
+        views.push(view.clone());
+        Ok(())
+    };
+    resample::render(samples, &target, method, &RenderOptions::default(), &mut keep, &Silent).unwrap();
+    let mut view = views.pop().unwrap();
+    view.mapv_inplace(|v| v.clamp(0.0, 1.0));
+    colour::convert(&mut view, ColourSpace::Linear, ColourSpace::Srgb);
+    view
+}
+
+fn luminance_psnr(a: &Array3<f32>, b: &Array3<f32>) -> f64 {
+    let inner = |p: &Array3<f32>| metrics::luminance(metrics::inner(&p.view(), 12).unwrap());
+    metrics::psnr(inner(a).view().into_dyn(), inner(b).view().into_dyn()).unwrap()
+}
+
+#[test]
+fn calibration_finds_the_true_centres_and_methods_come_in_their_order() {
+    let (camera, scene, simulation, found) = taken(Kind::Natural, 820, 0.0);
+    let lenslets = Lenslets::new(&camera, 3).unwrap();
+    let squares: f64 = found.lenslets.iter().map(|l| lenslets.nearest(l.x, l.y).1).sum();
+    let rms = (squares / found.lenslets.len() as f64).sqrt();
+    assert!(rms < 0.1, "centres are {rms} px RMS from the truth");
+    let (n, all) = (found.lenslets.len() as f64, simulation.centres.len() as f64);
+    assert!((n / all - 1.0).abs() < 0.03, "{n} of {all} lenslets");
+    assert!((found.lattice.pitch() - camera.pitch).abs() < 0.005, "{}", found.lattice.pitch());
+    assert!((found.lattice.rotation() - camera.rotation).abs() < 0.0005, "{}", found.lattice.rotation());
+
+    let size = simulate::output_size(&camera, 270);
+    let mut truth = simulate::view(&scene, &camera, [0.0, 0.0], size);
+    colour::convert(&mut truth, ColourSpace::Linear, ColourSpace::Srgb);
+    let samples = central(&simulation, &found);
+    let target = Target { width: size.0, height: size.1 };
+    let psnr = |method| luminance_psnr(&view(&samples, target, method), &truth);
+    let (bicubic, barycentric) = (psnr(Method::Bicubic), psnr(Method::Barycentric));
+    println!("bicubic {bicubic:.2} dB, barycentric {barycentric:.2} dB");
+    assert!(bicubic > 20.0 && barycentric > bicubic + 0.5, "{bicubic} {barycentric}");
+}
+
+#[test]
+fn white_decodes_to_even_white_and_colours_to_themselves() {
+    let (_, _, simulation, found) = taken(Kind::White, 400, 0.0);
+    let samples = central(&simulation, &found);
+    let inside = |c: &[f64; 2]| c.iter().all(|v| (20.0..380.0).contains(v));
+    for channel in 0..3 {
+        let values: Vec<f32> = samples
+            .centres
+            .iter()
+            .enumerate()
+            .filter(|(_, c)| inside(c))
+            .map(|(k, _)| samples.values[[0, k, channel]])
+            .collect();
+        let mean = values.iter().sum::<f32>() / values.len() as f32;
+        let spread = (values.iter().map(|v| (v - mean).powi(2)).sum::<f32>() / values.len() as f32).sqrt();
+        println!("white, channel {channel}: mean {mean:.4}, deviation {spread:.4}");
+        assert!(values.len() > 1000 && (mean / simulate::WHITE - 1.0).abs() < 0.05, "channel {channel}: {mean}");
+        assert!(spread / mean < 0.01, "channel {channel}: {spread}");
+    }
+
+    let (_, scene, simulation, found) = taken(Kind::Colour, 600, 0.0);
+    let samples = central(&simulation, &found);
+    let mut worst = 0f32;
+    for region in &scene.regions {
+        let [left, top, right, bottom] = region.bounds.map(|b| b * 600.0);
+        let seen: Vec<usize> = (0..samples.centres.len())
+            .filter(|k| {
+                let [x, y] = samples.centres[*k];
+                x > left + 15.0 && x < right - 15.0 && y > top + 15.0 && y < bottom - 15.0
+            })
+            .collect();
+        assert!(seen.len() > 10);
+        for channel in 0..3 {
+            let mean = seen.iter().map(|k| samples.values[[0, *k, channel]]).sum::<f32>() / seen.len() as f32;
+            worst = worst.max((mean - region.colour.unwrap()[channel]).abs());
+        }
+    }
+    println!("colours: worst channel off by {worst:.4} of full scale");
+    assert!(worst < 0.03, "{worst}");
+}
+
+fn files(root: &Path) -> Vec<(String, Vec<u8>)> {
+    let mut found = Vec::new();
+    let mut folders = vec![root.to_path_buf()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                found.push((path.strip_prefix(root).unwrap().display().to_string(), std::fs::read(&path).unwrap()));
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+#[test]
+fn the_command_writes_everything_and_the_same_on_any_number_of_threads() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = |name: &str, seed: &str, threads: &str| {
+        let out = dir.path().join(name);
+        let output = lenslet(&[
+            "--threads",
+            threads,
+            "--json",
+            "simulate",
+            "--scene",
+            "planes",
+            "--sensor",
+            "200",
+            "--size",
+            "66",
+            "--views",
+            "3",
+            "--seed",
+            seed,
+            "--out",
+            out.to_str().unwrap(),
+        ]);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(json["whites"], 2);
+        files(&out)
+    };
+    let (one, three, other) = (run("one", "7", "1"), run("three", "7", "3"), run("other", "8", "2"));
+    let names: Vec<_> = one.iter().map(|f| f.0.as_str()).collect();
+    for name in
+        ["capture.lfp", "white-00.lfp", "white-01.lfp", "truth/centres.npy", "truth/disparity.npy", "truth/scene.json"]
+    {
+        assert!(names.contains(&name), "{name} is missing from {names:?}");
+    }
+    assert_eq!(names.iter().filter(|n| n.ends_with(".png")).count(), 9);
+    assert_eq!(one, three);
+    for name in ["capture.lfp", "truth/centres.npy"] {
+        let of = |all: &[(String, Vec<u8>)]| all.iter().find(|f| f.0 == name).unwrap().1.clone();
+        assert_ne!(of(&one), of(&other), "{name} does not follow the seed");
+    }
+
+    // What was written is what was simulated.
+    let camera = Camera::with_sensor(200);
+    let scene = Scene::named(Kind::Planes, &camera, None, 7, &Silent).unwrap();
+    let simulation = simulate::render(&scene, &camera, &Options { seed: 7, ..Options::default() }, &Silent).unwrap();
+    let capture = container::open(&dir.path().join("one/capture.lfp"), None).unwrap();
+    assert_eq!(capture.mosaic, simulation.capture.mosaic);
+    assert_eq!(capture.colour.white_balance, simulation.capture.colour.white_balance);
+    assert!(capture.warnings.is_empty(), "{:?}", capture.warnings);
+    let centres: Array2<f64> = ndarray_npy::read_npy(dir.path().join("one/truth/centres.npy")).unwrap();
+    assert_eq!(centres.dim(), (simulation.centres.len(), 2));
+    let views = lightfield::load(&dir.path().join("one/truth/views"), &ReadOptions::default()).unwrap();
+    let mut corner = simulate::view(&scene, &camera, [-1.0, 1.0], (66, 66));
+    colour::convert(&mut corner, ColourSpace::Linear, ColourSpace::Srgb);
+    let stored = views.data.slice(s![2, 0, .., .., ..]);
+    assert!(corner.iter().zip(&stored).all(|(a, b)| (a - b).abs() < 1e-4));
+}
+
+#[test]
+fn photos_become_layers() {
+    let dir = tempfile::tempdir().unwrap();
+    let photo = |name: &str, of: &dyn Fn(u32, u32) -> [u8; 3]| {
+        let path = dir.path().join(name);
+        image::RgbImage::from_fn(120, 90, |x, y| image::Rgb(of(x, y))).save(&path).unwrap();
+        path
+    };
+    let back = photo("back.png", &|x, y| [(x * 2) as u8, (y * 2) as u8, 90]);
+    let print = photo("print.png", &|_, _| [250, 20, 20]);
+    let camera = Camera::with_sensor(300);
+    let alone = simulate::photos(std::slice::from_ref(&back), &camera, None, 1, &Silent).unwrap();
+    // One photo alone lies at disparity 0: the middle of the canvas is the photo's middle, in every view.
+    for delta in [[0.0, 0.0], [3.0, -2.0]] {
+        let seen = alone.sample(149.5, 149.5, delta).map(|v| colour::encode(v / 0.95) * 255.0);
+        assert!((seen[0] - 119.0).abs() < 3.0 && (seen[1] - 89.0).abs() < 3.0, "{seen:?}");
+    }
+    let both = simulate::photos(&[back, print], &camera, None, 1, &Silent).unwrap();
+    let map = simulate::disparity(&both, &camera, 1.0, (100, 100));
+    let near = map.iter().filter(|d| (**d - 0.3 * 9.9276 / 3.0).abs() < 1e-3).count();
+    let far = map.iter().filter(|d| (**d + 0.3 * 9.9276 / 3.0).abs() < 1e-3).count();
+    assert!(near > 300 && far > 3000 && near + far == 10_000, "{near} {far}");
+}
+
+#[test]
+fn wrong_use_is_told_in_one_line_and_leaves_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    let out_name = out.to_str().unwrap();
+    let text = dir.path().join("text.png");
+    std::fs::write(&text, "not a picture").unwrap();
+    let cases: [(&[&str], i32, &str); 12] = [
+        (&["--sensor", "63"], 2, "63"),
+        (&["--sensor", "100000"], 2, "100000"),
+        (&["--scene", "nowhere"], 2, "nowhere"),
+        (&["--pitch", "nan"], 2, "pitch"),
+        (&["--noise", "-1"], 2, "noise"),
+        (&["--views", "4"], 2, "views"),
+        (&["--size", "0"], 2, "size"),
+        (&["--disparity", "inf"], 2, "disparity"),
+        (&["--offset", "1"], 2, "offset"),
+        (&["--whites", "99"], 2, "99"),
+        (&["--photo", text.to_str().unwrap()], 1, "text.png"),
+        (&["--photo", "/nowhere.jpg"], 1, "nowhere.jpg"),
+    ];
+    for (arguments, code, word) in cases {
+        let mut all = vec!["simulate", "--out", out_name];
+        if !arguments.contains(&"--sensor") {
+            all.extend(["--sensor", "200"]);
+        }
+        all.extend(arguments);
+        let output = lenslet(&all);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {said}");
+        assert!(said.contains(word), "{arguments:?}: {said}");
+        assert!(said.starts_with("error:") || said.trim_end().lines().count() == 1, "{said}");
+        assert!(output.stdout.is_empty());
+    }
+    assert!(!out.exists());
+    std::fs::create_dir(&out).unwrap();
+    let output = lenslet(&["simulate", "--out", out_name]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("--force"));
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 2);
+}
