@@ -90,8 +90,8 @@ fn white_decodes_to_even_white_and_colours_to_themselves() {
         let mean = values.iter().sum::<f32>() / values.len() as f32;
         let spread = (values.iter().map(|v| (v - mean).powi(2)).sum::<f32>() / values.len() as f32).sqrt();
         println!("white, channel {channel}: mean {mean:.4}, deviation {spread:.4}");
-        assert!(values.len() > 1000 && (mean / simulate::WHITE - 1.0).abs() < 0.05, "channel {channel}: {mean}");
-        assert!(spread / mean < 0.01, "channel {channel}: {spread}");
+        assert!(values.len() > 1000 && (mean / simulate::WHITE - 1.0).abs() < 0.006, "channel {channel}: {mean}");
+        assert!(spread / mean < 0.002, "channel {channel}: {spread}");
     }
 
     let (_, scene, simulation, found) = taken(Kind::Colour, 600, 0.0);
@@ -112,7 +112,7 @@ fn white_decodes_to_even_white_and_colours_to_themselves() {
         }
     }
     println!("colours: worst channel off by {worst:.4} of full scale");
-    assert!(worst < 0.03, "{worst}");
+    assert!(worst < 0.01, "{worst}");
 }
 
 fn files(root: &Path) -> Vec<(String, Vec<u8>)> {

@@ -68,13 +68,13 @@ pub struct Args {
     #[arg(long, default_value = "parabolic", value_parser = ["parabolic", "gaussian"])]
     profile: String,
     /// Share of the light the main lens loses in the corners
-    #[arg(long, default_value_t = Camera::default().vignetting, value_name = "SHARE")]
+    #[arg(long, default_value_t = Camera::default().vignetting, value_name = "SHARE", allow_negative_numbers = true)]
     vignetting: f64,
     /// Optical blur on the sensor (standard deviation), pixels
     #[arg(long, default_value_t = Camera::default().psf, value_name = "PIXELS")]
     psf: f64,
     /// Noise: 0 none; 1 one electron a DN and 3 DN of read noise
-    #[arg(long, default_value_t = Options::default().noise, value_name = "K")]
+    #[arg(long, default_value_t = Options::default().noise, value_name = "K", allow_negative_numbers = true)]
     noise: f64,
     /// White images
     #[arg(long, default_value_t = Options::default().whites, value_name = "N")]
