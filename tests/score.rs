@@ -80,3 +80,32 @@ fn what_cannot_be_compared_is_said() {
     let pair = json(&["score", "one.png", "a/view_01_02.png"], dir.path());
     assert!(pair["mean"]["psnr_rgb"].as_f64().unwrap() > 5.0);
 }
+
+#[test]
+fn aligned_results_of_another_size_can_be_scored() {
+    let dir = tempfile::tempdir().unwrap();
+    let scene =
+        |x: f64, y: f64| (0.5 + 0.2 * (0.21 * x).sin() * (0.17 * y).cos() + 0.1 * (0.06 * (x - y)).sin()) as f32;
+    let save = |name: &str, side: usize, gain: f32| {
+        let scale = 96.0 / side as f64;
+        let meta = Meta::new([1, 2], [side, side], 3, ColourSpace::Srgb);
+        let mut sink = create(&dir.path().join(name), meta, Format::Npy, false).unwrap();
+        for u in 0..2 {
+            let view = Array3::from_shape_fn((side, side, 3), |(t, s, _)| {
+                let at = |i: usize| (i as f64 + 0.5) * scale - 0.5;
+                gain * scene(at(s) + 3.0 * u as f64, at(t))
+            });
+            sink.write(0, u, &view).unwrap();
+        }
+        sink.finish().unwrap();
+    };
+    save("truth.npy", 96, 1.0);
+    save("peer.npy", 72, 0.8);
+    let output = lenslet().current_dir(dir.path()).args(["score", "peer.npy", "truth.npy"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("--align"));
+    let scores = json(&["score", "peer.npy", "truth.npy", "--align", "--border", "8"], dir.path());
+    assert!(scores["mean"]["psnr_y"].as_f64().unwrap() > 40.0, "{scores}");
+    assert!((scores["alignment"]["affine"][0].as_f64().unwrap() - 0.75).abs() < 1e-3);
+    assert!((scores["alignment"]["gain"][1][0].as_f64().unwrap() - 1.25).abs() < 0.01);
+}

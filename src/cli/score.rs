@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use lenslet_core::lightfield::{self, ColourSpace, ReadOptions, ViewSource, colour};
+use lenslet_core::metrics::align::{self, Alignment};
 use lenslet_core::metrics::{self, Window};
 use lenslet_core::progress::Observer;
 use ndarray::Array3;
@@ -30,6 +31,10 @@ pub struct Args {
     /// Window of SSIM: gaussian (11x11, sigma 1.5) or uniform (7x7, scikit-image's default)
     #[arg(long, default_value = "gaussian", value_parser = ["gaussian", "uniform"])]
     ssim: String,
+    /// First register the result onto the reference (affine map, gain and offset of each channel, found on the middle
+    /// view): for results of tools with another geometry or exposure. The sizes may differ. The alignment is reported
+    #[arg(long)]
+    align: bool,
     /// Views (N or ROWSxCOLUMNS) of files that do not say so
     #[arg(long, value_name = "N", value_parser = parse_views)]
     views: Option<[usize; 2]>,
@@ -63,25 +68,37 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let both_linear = [&result, &reference].iter().all(|l| l.meta().colour == ColourSpace::Linear);
     let [rows, columns] = result.meta().views;
 
+    let read = |source: &dyn ViewSource, v: usize, u: usize| -> anyhow::Result<Array3<f32>> {
+        let mut view = source.read(v, u)?;
+        if !both_linear {
+            colour::convert(&mut view, source.meta().colour, ColourSpace::Srgb);
+        }
+        Ok(view)
+    };
+    let alignment = if args.align {
+        let (v, u) = (rows / 2, columns / 2);
+        let (a, b) = (read(result.as_ref(), v, u)?, read(reference.as_ref(), v, u)?);
+        Some(align::register(a.view(), b.view()).with_context(|| format!("cannot align {}", args.result.display()))?)
+    } else {
+        None
+    };
     context.progress.begin("scoring views", (rows * columns) as u64);
     let mut views = Vec::new();
     for v in 0..rows {
         for u in 0..columns {
             context.progress.check()?;
-            let read = |source: &dyn ViewSource| -> anyhow::Result<Array3<f32>> {
-                let mut view = source.read(v, u)?;
-                if !both_linear {
-                    colour::convert(&mut view, source.meta().colour, ColourSpace::Srgb);
-                }
-                Ok(view)
-            };
-            let scores = score(&read(result.as_ref())?, &read(reference.as_ref())?, args.border, window)
+            let mut view = read(result.as_ref(), v, u)?;
+            let truth = read(reference.as_ref(), v, u)?;
+            if let Some(alignment) = &alignment {
+                view = align::aligned(view.view(), alignment, (truth.dim().0, truth.dim().1));
+            }
+            let scores = score(&view, &truth, args.border, window)
                 .with_context(|| format!("view ({v}, {u}) of {}", args.result.display()))?;
             views.push((v, u, scores));
             context.progress.advance(1);
         }
     }
-    Ok(outcome(&views, if both_linear { "linear" } else { "srgb" }, args))
+    Ok(outcome(&views, if both_linear { "linear" } else { "srgb" }, alignment.as_ref(), args))
 }
 
 /// Says what makes two light fields impossible to compare.
@@ -92,15 +109,16 @@ fn comparable(result: &dyn ViewSource, reference: &dyn ViewSource, args: &Args) 
         let [height, width] = m.size;
         format!("{} has {rows}x{columns} views of {width}x{height}", path.display())
     };
-    if a.views != b.views || a.size != b.size {
+    if a.views != b.views || (a.size != b.size && !args.align) {
         anyhow::bail!(
-            "{}, but {}; they can be scored only when both agree",
+            "{}, but {}; they can be scored only when both agree{}",
             tell(&args.result, a),
-            tell(&args.reference, b)
+            tell(&args.reference, b),
+            if a.views == b.views { ", or with --align" } else { "" }
         );
     }
-    if 2 * args.border.min(usize::MAX / 2) >= a.size[0].min(a.size[1]) {
-        let [height, width] = a.size;
+    if 2 * args.border.min(usize::MAX / 2) >= b.size[0].min(b.size[1]) {
+        let [height, width] = b.size;
         return Err(Usage(format!("--border {} leaves nothing of {width}x{height} pixels", args.border)).into());
     }
     Ok(())
@@ -123,7 +141,7 @@ fn mean(values: impl Iterator<Item = f64>) -> Value {
     if finite.is_empty() { Value::Null } else { json!(finite.iter().sum::<f64>() / finite.len() as f64) }
 }
 
-fn outcome(views: &[(usize, usize, Scores)], compared: &str, args: &Args) -> Outcome {
+fn outcome(views: &[(usize, usize, Scores)], compared: &str, alignment: Option<&Alignment>, args: &Args) -> Outcome {
     let identical = views.iter().filter(|v| v.2.psnr_rgb.is_infinite()).count();
     let of = |pick: fn(&Scores) -> f64| mean(views.iter().map(|v| pick(&v.2)));
     let mean = json!({"psnr_rgb": of(|s| s.psnr_rgb), "psnr_y": of(|s| s.psnr_y), "ssim_y": of(|s| s.ssim_y)});
@@ -144,6 +162,9 @@ fn outcome(views: &[(usize, usize, Scores)], compared: &str, args: &Args) -> Out
     object.insert("compared".into(), json!(compared));
     object.insert("ssim".into(), json!(args.ssim));
     object.insert("border".into(), json!(args.border));
+    if let Some(alignment) = alignment {
+        object.insert("alignment".into(), json!(alignment));
+    }
     let show = |key: &str, unit: &str, digits: usize| match mean[key].as_f64() {
         Some(x) => format!("{x:.digits$}{unit}"),
         None => "equal".into(),
@@ -159,6 +180,12 @@ fn outcome(views: &[(usize, usize, Scores)], compared: &str, args: &Args) -> Out
         let note = format!("{identical} of {} views equal their reference; the mean PSNR leaves them out", views.len());
         text = format!("{text}\n{note}");
         object.insert("note".into(), json!(note));
+    }
+    if let Some(Alignment { affine: a, .. }) = alignment {
+        text = format!(
+            "{text}\naligned: x = {:.5} s {:+.5} t {:+.3}, y = {:.5} s {:+.5} t {:+.3}",
+            a[0], a[1], a[2], a[3], a[4], a[5]
+        );
     }
     Outcome { json: Value::Object(object), text }
 }

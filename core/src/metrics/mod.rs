@@ -1,7 +1,15 @@
-//! Scores of pictures against a truth: PSNR, SSIM, luminance.
+//! Scores of pictures: PSNR and SSIM against a truth, sharpness and jaggedness of edges, contrast of patterns, agreement of
+//! views, and the registration that makes results of other tools comparable.
 
+pub mod align;
+mod consistency;
+mod edge;
+mod pattern;
 mod ssim;
 
+pub use consistency::consistency;
+pub use edge::{Edge, slanted_edge};
+pub use pattern::{Pattern, pattern};
 pub use ssim::{Window, ssim, ssim_map_plain};
 
 use ndarray::{Array2, ArrayView2, ArrayView3, ArrayViewD, Axis};
