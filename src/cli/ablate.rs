@@ -1,11 +1,214 @@
-//! `lenslet ablate`
+//! `lenslet ablate`: the paper's experiments as a run matrix, their tables and report, checks of what must hold.
 
-use super::{Context, Outcome};
+use std::fs;
+use std::path::{Path, PathBuf};
 
-/// ablate
+use anyhow::Context as _;
+use lenslet::ablation::{self, Experiment, Record, Settings, against, check, page, record, table};
+use lenslet_core::output;
+use serde_json::json;
+
+use super::{Context, Interrupted, Outcome, Usage};
+
+/// Run the paper's experiments: tables, pictures and a report
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(after_help = "\
+Example: lenslet ablate --out ablation/ --quick --check
+         lenslet ablate --out ablation/ --experiment resampling --whites white.png --captures IMG_4.jpg
 
-pub fn run(_args: &Args, _context: &Context) -> anyhow::Result<Outcome> {
-    anyhow::bail!("not built yet")
+Experiments: calibration, subpixel, resampling, dictionary, noise, demosaic, vignetting, views, peers (with --peer and
+--truth). A run that was interrupted goes on where it stopped. Writes runs.jsonl (a line a run), tables.json, tables.csv,
+tables.md, orderings.json, report.html and the pictures.")]
+pub struct Args {
+    /// Folder to write, or to go on with
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Only these experiments (default: all)
+    #[arg(long, value_name = "NAME", num_args = 1.., value_parser = parse_experiment)]
+    experiment: Vec<Experiment>,
+    /// A small sensor, two seeds, fewer variants: minutes instead of an hour
+    #[arg(long)]
+    quick: bool,
+    /// Number of seeds (default: 3, with --quick 2)
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100))]
+    seeds: Option<u64>,
+    /// White images of a real camera
+    #[arg(long, value_name = "FILE", num_args = 1.., requires = "captures")]
+    whites: Vec<PathBuf>,
+    /// Captures of that camera, scored by hidden lenslets
+    #[arg(long, value_name = "FILE", num_args = 1.., requires = "whites")]
+    captures: Vec<PathBuf>,
+    /// Photos or folders to train the dictionaries on (default: simulated pictures)
+    #[arg(long, value_name = "PHOTO", num_args = 1..)]
+    photos: Vec<PathBuf>,
+    /// A light field decoded by another tool
+    #[arg(long, value_name = "NAME=PATH", value_parser = parse_peer, requires = "truth")]
+    peer: Vec<(String, PathBuf)>,
+    /// The true light field of the capture the peers decoded
+    #[arg(long, value_name = "LF")]
+    truth: Option<PathBuf>,
+    /// Fail unless the orderings that must hold do
+    #[arg(long)]
+    check: bool,
+    /// Say what changed against another run's runs.jsonl (or its folder)
+    #[arg(long, value_name = "OLD")]
+    against: Option<PathBuf>,
+    /// Also write the tables as a Markdown page with command, machine and date
+    #[arg(long, value_name = "FILE")]
+    results: Option<PathBuf>,
+    /// Write into a folder that holds something else
+    #[arg(long)]
+    force: bool,
+}
+
+fn parse_experiment(text: &str) -> Result<Experiment, String> {
+    text.parse()
+}
+
+fn parse_peer(text: &str) -> Result<(String, PathBuf), String> {
+    match text.split_once('=') {
+        Some((name, path)) if !name.is_empty() && !path.is_empty() => Ok((name.to_owned(), path.into())),
+        _ => Err("write NAME=PATH".to_owned()),
+    }
+}
+
+pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
+    let settings = Settings {
+        experiments: args.experiment.clone(),
+        quick: args.quick,
+        seeds: args.seeds.unwrap_or(0),
+        whites: args.whites.clone(),
+        captures: args.captures.clone(),
+        photos: args.photos.clone(),
+        peers: args.peer.clone(),
+        truth: args.truth.clone(),
+    };
+    if ablation::plan(&settings)?.is_empty() {
+        return Err(Usage("nothing to run: peers need --peer and --truth".into()).into());
+    }
+    // Read before the work, so that a wrong name costs nothing.
+    let old = args.against.as_deref().map(records_of).transpose()?;
+    let done = ablation::run(&args.out, &settings, args.force, &context.progress)
+        .map_err(|e| if e.is::<ablation::Interrupted>() { Interrupted.into() } else { e })?;
+
+    let records = ablation::records(&args.out, &settings)?;
+    let tables = table::tables(&records);
+    let verdicts = check::verdicts(&records);
+    let about = about(&records);
+    ablation::write_tables(&args.out, &tables)?;
+    output::write_file(&args.out.join("orderings.json"), true, &serde_json::to_vec_pretty(&verdicts)?)?;
+    page::write(&args.out, &tables, &verdicts, &about)?;
+    if let Some(path) = &args.results {
+        output::write_file(path, true, results(&tables, &verdicts, &about).as_bytes())?;
+    }
+    let changes = old.map(|old| against::changes(&old, &records));
+    if let Some(changes) = &changes {
+        output::write_file(&args.out.join("against.json"), true, &serde_json::to_vec_pretty(changes)?)?;
+    }
+    let broken = check::broken(&verdicts, &records);
+    if args.check && !broken.is_empty() {
+        anyhow::bail!("{} of the orderings that must hold do not: {}", broken.len(), broken.join("; "));
+    }
+
+    let report = args.out.join("report.html").display().to_string();
+    let mut text =
+        format!("{report}: {} runs ({} new, {} without a score)", done.kept + done.made, done.made, done.failed);
+    for v in verdicts.iter().filter(|v| !v.holds) {
+        text += &format!(
+            "\ndoes not hold: {}, {} over {} on {}, {:+.2} dB",
+            v.experiment, v.better, v.worse, v.subject, v.margin.mean
+        );
+    }
+    if let Some(changes) = &changes {
+        text = format!("{text}\n{}", against::words(changes));
+    }
+    let json = json!({
+        "report": report, "kept": done.kept, "made": done.made, "failed": done.failed,
+        "tables": tables, "orderings": verdicts, "broken": broken, "changes": changes,
+    });
+    Ok(Outcome { json, text })
+}
+
+fn records_of(path: &Path) -> anyhow::Result<Vec<Record>> {
+    let file = if path.is_dir() { path.join(record::FILE) } else { path.to_path_buf() };
+    record::read(&file)
+}
+
+/// How the numbers came about. Paths of the command line are left out but for their last part.
+fn about(records: &[Record]) -> Vec<String> {
+    let words: Vec<String> = std::env::args()
+        .skip(1)
+        .map(|a| {
+            let name = |p: &str| Path::new(p).file_name().map_or(p.to_owned(), |n| n.to_string_lossy().into_owned());
+            match a.split_once('=') {
+                Some((key, path)) => format!("{key}={}", name(path)),
+                None if a.starts_with('-') => a,
+                None => name(&a),
+            }
+        })
+        .collect();
+    let cpu = fs::read_to_string("/proc/cpuinfo").ok().and_then(|text| {
+        let line = text.lines().find(|l| l.starts_with("model name"))?;
+        line.split_once(':').map(|(_, name)| name.trim().to_owned())
+    });
+    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let seconds: f64 = records.iter().map(|r| r.seconds).sum();
+    vec![
+        format!("lenslet {}: lenslet {}", env!("CARGO_PKG_VERSION"), words.join(" ")),
+        format!(
+            "{}, {cores} threads, {}; {:.0} s for {} runs",
+            cpu.unwrap_or_else(|| "unknown processor".into()),
+            date(),
+            seconds,
+            records.len()
+        ),
+    ]
+}
+
+/// Today (UTC) as year-month-day, by the civil calendar (H. Hinnant, chrono-compatible low-level date algorithms).
+fn date() -> String {
+    let seconds = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).map_or(0, |d| d.as_secs());
+    let z = (seconds / 86_400) as i64 + 719_468;
+    let era = z / 146_097;
+    let day_of_era = z - era * 146_097;
+    let year = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year + year / 4 - year / 100);
+    let month = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * month + 2) / 5 + 1;
+    let (month, carry) = if month < 10 { (month + 3, 0) } else { (month - 9, 1) };
+    format!("{}-{month:02}-{day:02}", year + era * 400 + carry)
+}
+
+/// The Markdown page.
+fn results(tables: &[table::Table], verdicts: &[check::Verdict], about: &[String]) -> String {
+    let mut out = String::from(
+        "# Results\n\nWritten by `lenslet ablate --results`; every number comes from the run named here, none is typed by hand.\n\n",
+    );
+    for line in about {
+        out += &format!("- {line}\n");
+    }
+    out += "\n## Orderings\n\nMargins are means of paired differences, ± their standard deviation over seeds.\n\n";
+    out += "| experiment | subject | this | over this | margin dB | |\n|---|---|---|---|--:|---|\n";
+    for v in verdicts {
+        let verdict = if v.holds { "holds" } else { "**does not hold**" };
+        let margin = table::words(&v.margin, 2);
+        out += &format!("| {} | {} | {} | {} | {margin} | {verdict} |\n", v.experiment, v.subject, v.better, v.worse);
+    }
+    out += "\n## Tables\n\nMean ± standard deviation over seeds; the best of each subject in bold.\n\n";
+    out += &table::markdown(tables);
+    out += "### Scores\n\n";
+    for score in table::SCORES {
+        out += &format!("- {}: {}\n", score.heading, score.meaning);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn dates_have_their_form() {
+        let date = super::date();
+        let parts: Vec<u32> = date.split('-').map(|p| p.parse().unwrap()).collect();
+        assert!(parts.len() == 3 && parts[0] >= 2025 && (1..=12).contains(&parts[1]) && (1..=31).contains(&parts[2]));
+    }
 }

@@ -1,0 +1,300 @@
+//! Tables made of records: a row a variant and subject, a column a score, each cell mean and spread over seeds.
+
+use std::fmt::Write as _;
+
+use serde::Serialize;
+
+use super::matrix::Experiment;
+use super::record::Record;
+
+/// A score that tables show.
+#[derive(Debug, Clone, Copy)]
+pub struct Score {
+    /// Name in records.
+    pub name: &'static str,
+    /// Heading.
+    pub heading: &'static str,
+    /// What it is, for the legend.
+    pub meaning: &'static str,
+    /// Digits after the point.
+    pub digits: usize,
+    /// 1: more is better, −1: less is better, 0: neither.
+    pub better: i8,
+}
+
+/// All scores, in the order of columns.
+pub const SCORES: [Score; 15] = [
+    score("psnr", "PSNR dB", "colour, middle view, sRGB-encoded, 12 px border left out", 2, 1),
+    score("psnr_y", "PSNR Y dB", "the same of luminance", 2, 1),
+    score(
+        "ssim",
+        "SSIM",
+        "luminance, Gaussian window 11x11, σ 1.5 (scikit-image: gaussian_weights=True, sigma=1.5, use_sample_covariance=False)",
+        4,
+        1,
+    ),
+    score("psnr_outer", "outer dB", "PSNR, mean of a view at the rim and a corner view", 2, 1),
+    score(
+        "consistency",
+        "agreement dB",
+        "PSNR between the middle view and an outer one moved onto it by the true disparity",
+        2,
+        1,
+    ),
+    score("mtf50", "MTF50 lp/lenslet", "slanted edge (ISO 12233), line pairs a lenslet pitch, linear light", 3, 1),
+    score("mtf50_truth", "of truth", "MTF50 of the truth itself", 3, 0),
+    score("jaggedness", "jagged px", "RMS distance of an edge's rows from the straight line, output pixels", 3, -1),
+    score(
+        "line_contrast",
+        "lines",
+        "contrast of line pairs as a share of the truth's, mean over 0.12 to 0.6 pairs a lenslet",
+        3,
+        1,
+    ),
+    score(
+        "spurious",
+        "spurious",
+        "what line pairs show that is not there, as a share of the truth's contrast (aliasing)",
+        3,
+        -1,
+    ),
+    score("hidden_psnr", "hidden dB", "a tenth of the lenslets hidden, predicted from the rest, linear light", 2, 1),
+    score("centres_rms", "centres px", "RMS distance of lenslet centres from the truth, sensor pixels", 4, -1),
+    score("train_seconds", "training s", "seconds the dictionary took", 1, -1),
+    score(
+        "step_seconds",
+        "render s",
+        "seconds to render the views that are scored (three; one of a real capture)",
+        2,
+        -1,
+    ),
+    score("failed", "failed", "runs without a score", 0, -1),
+];
+
+const fn score(name: &'static str, heading: &'static str, meaning: &'static str, digits: usize, better: i8) -> Score {
+    Score { name, heading, meaning, digits, better }
+}
+
+/// Mean over seeds and its spread.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Cell {
+    /// Mean.
+    pub mean: f64,
+    /// Standard deviation over seeds (n − 1), 0 for one.
+    pub spread: f64,
+    /// Number of seeds.
+    pub n: usize,
+}
+
+/// A variant on a subject.
+#[derive(Debug, Clone, Serialize)]
+pub struct Row {
+    /// Variant.
+    pub variant: String,
+    /// Scene or file.
+    pub subject: String,
+    /// A cell a column of the table, none where the score does not exist.
+    pub cells: Vec<Option<Cell>>,
+    /// Pictures of the first seed, by what they show.
+    #[serde(skip_serializing_if = "std::collections::BTreeMap::is_empty")]
+    pub pictures: std::collections::BTreeMap<String, String>,
+}
+
+/// An experiment's table.
+#[derive(Debug, Clone, Serialize)]
+pub struct Table {
+    /// Experiment.
+    pub experiment: String,
+    /// What it asks.
+    pub question: String,
+    /// Names of the scores.
+    pub columns: Vec<String>,
+    /// Rows in the plan's order.
+    pub rows: Vec<Row>,
+    /// Why runs failed, each once.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub failures: Vec<String>,
+}
+
+/// Mean and spread of values; none of an empty list.
+pub fn cell(values: &[f64]) -> Option<Cell> {
+    let n = values.len();
+    if n == 0 {
+        return None;
+    }
+    let mean = values.iter().sum::<f64>() / n as f64;
+    let squares: f64 = values.iter().map(|x| (x - mean).powi(2)).sum();
+    Some(Cell { mean, spread: if n > 1 { (squares / (n - 1) as f64).sqrt() } else { 0.0 }, n })
+}
+
+/// Turns records, in the plan's order, into a table an experiment.
+pub fn tables(records: &[Record]) -> Vec<Table> {
+    let experiments = Experiment::ALL.into_iter();
+    experiments
+        .filter_map(|e| table(e, &records.iter().filter(|r| r.experiment == e.name()).collect::<Vec<_>>()))
+        .collect()
+}
+
+fn table(experiment: Experiment, records: &[&Record]) -> Option<Table> {
+    let mut rows: Vec<(String, String, Vec<&Record>)> = Vec::new();
+    for record in records {
+        match rows.iter_mut().find(|(v, s, _)| *v == record.variant && *s == record.subject) {
+            Some(row) => row.2.push(record),
+            None => rows.push((record.variant.clone(), record.subject.clone(), vec![record])),
+        }
+    }
+    if rows.is_empty() {
+        return None;
+    }
+    let value = |record: &Record, name: &str| match name {
+        "step_seconds" => record.failed.is_none().then_some(record.step_seconds),
+        _ => record.scores.get(name).copied(),
+    };
+    let of = |row: &[&Record], name: &str| -> Option<Cell> {
+        if name == "failed" {
+            let failed = row.iter().filter(|r| r.failed.is_some()).count();
+            return (failed > 0).then_some(Cell { mean: failed as f64, spread: 0.0, n: row.len() });
+        }
+        cell(&row.iter().filter_map(|r| value(r, name)).collect::<Vec<_>>())
+    };
+    let columns: Vec<&Score> =
+        SCORES.iter().filter(|s| rows.iter().any(|(_, _, records)| of(records, s.name).is_some())).collect();
+    let mut failures: Vec<String> = records.iter().filter_map(|r| r.failed.clone()).collect();
+    failures.sort();
+    failures.dedup();
+    Some(Table {
+        experiment: experiment.name().to_owned(),
+        question: experiment.question().to_owned(),
+        columns: columns.iter().map(|s| s.name.to_owned()).collect(),
+        rows: rows
+            .into_iter()
+            .map(|(variant, subject, records)| Row {
+                variant,
+                subject,
+                cells: columns.iter().map(|s| of(&records, s.name)).collect(),
+                pictures: records
+                    .iter()
+                    .find(|r| !r.pictures.is_empty())
+                    .map(|r| r.pictures.clone())
+                    .unwrap_or_default(),
+            })
+            .collect(),
+        failures,
+    })
+}
+
+/// The score of that name.
+pub fn of_name(name: &str) -> Option<&'static Score> {
+    SCORES.iter().find(|s| s.name == name)
+}
+
+/// A cell in words: `27.31 ± 0.12`, or `27.31` from one seed.
+pub fn words(cell: &Cell, digits: usize) -> String {
+    if cell.n > 1 {
+        format!("{:.digits$} ± {:.digits$}", cell.mean, cell.spread)
+    } else {
+        format!("{:.digits$}", cell.mean)
+    }
+}
+
+/// Whether a row's cell is the best of its subject in this column.
+pub fn best(table: &Table, row: usize, column: usize) -> bool {
+    let better = table.columns.get(column).and_then(|c| of_name(c)).map_or(0, |s| s.better);
+    let Some(own) = table.rows[row].cells[column] else { return false };
+    let others = || table.rows.iter().filter(|r| r.subject == table.rows[row].subject).filter_map(|r| r.cells[column]);
+    better != 0 && others().count() > 1 && others().all(|o| f64::from(better) * (own.mean - o.mean) >= 0.0)
+}
+
+/// All tables as CSV: a line a cell.
+pub fn csv(tables: &[Table]) -> String {
+    let mut out = String::from("experiment,variant,subject,score,mean,spread,seeds\n");
+    let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
+    for table in tables {
+        for row in &table.rows {
+            for (name, cell) in table.columns.iter().zip(&row.cells) {
+                if let Some(c) = cell {
+                    let (variant, subject) = (quoted(&row.variant), quoted(&row.subject));
+                    let _ = writeln!(
+                        out,
+                        "{},{variant},{subject},{name},{},{},{}",
+                        table.experiment, c.mean, c.spread, c.n
+                    );
+                }
+            }
+        }
+    }
+    out
+}
+
+/// All tables as Markdown; the best of each subject in bold.
+pub fn markdown(tables: &[Table]) -> String {
+    let mut out = String::new();
+    let safe = |text: &str| text.replace('|', "\\|").replace(['\n', '\r'], " ");
+    for table in tables {
+        let _ = writeln!(out, "### {}\n\n{}\n", table.experiment, table.question);
+        let headings: Vec<&str> = table.columns.iter().filter_map(|c| of_name(c)).map(|s| s.heading).collect();
+        let _ = writeln!(out, "| variant | subject | {} |", headings.join(" | "));
+        let _ = writeln!(out, "|---|---|{}", "--:|".repeat(headings.len()));
+        for (r, row) in table.rows.iter().enumerate() {
+            let _ = write!(out, "| {} | {} |", safe(&row.variant), safe(&row.subject));
+            for (c, cell) in row.cells.iter().enumerate() {
+                let digits = of_name(&table.columns[c]).map_or(3, |s| s.digits);
+                let text = cell.as_ref().map(|c| words(c, digits)).unwrap_or_default();
+                let _ = if best(table, r, c) { write!(out, " **{text}** |") } else { write!(out, " {text} |") };
+            }
+            out.push('\n');
+        }
+        for failure in &table.failures {
+            let _ = writeln!(out, "\nNot scored: {}", safe(failure));
+        }
+        out.push('\n');
+    }
+    out
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use serde_json::json;
+
+    pub(crate) fn record(experiment: &str, variant: &str, seed: u64, psnr: Option<f64>) -> Record {
+        Record {
+            key: format!("{experiment}{variant}{seed}"),
+            experiment: experiment.into(),
+            variant: variant.into(),
+            subject: "natural".into(),
+            seed,
+            parameters: json!({}),
+            scores: psnr.map(|p| ("psnr".to_owned(), p)).into_iter().collect(),
+            failed: psnr.is_none().then(|| "broke | badly".to_owned()),
+            step_seconds: 1.5,
+            seconds: 2.0,
+            version: "0".into(),
+            hashes: Default::default(),
+            pictures: Default::default(),
+            notes: None,
+        }
+    }
+
+    #[test]
+    fn means_spreads_and_the_best() {
+        let records = [
+            record("noise", "a", 1, Some(30.0)),
+            record("noise", "a", 2, Some(32.0)),
+            record("noise", "b, \"c\"", 1, Some(29.0)),
+            record("noise", "b, \"c\"", 2, None),
+            record("views", "3x3", 1, Some(20.0)),
+        ];
+        let tables = tables(&records);
+        assert_eq!(tables.iter().map(|t| t.experiment.as_str()).collect::<Vec<_>>(), ["noise", "views"]);
+        assert_eq!(tables[0].columns, ["psnr", "step_seconds", "failed"]);
+        let first = tables[0].rows[0].cells[0].unwrap();
+        assert_eq!((first.mean, first.n), (31.0, 2));
+        assert!((first.spread - 2f64.sqrt()).abs() < 1e-12);
+        assert!(best(&tables[0], 0, 0) && !best(&tables[0], 1, 0) && !best(&tables[1], 0, 0));
+        let csv = csv(&tables);
+        assert!(csv.contains("noise,\"a\",\"natural\",psnr,31,") && csv.contains("\"b, \"\"c\"\"\""));
+        let markdown = markdown(&tables);
+        assert!(markdown.contains("**31.00 ± 1.41**") && markdown.contains("Not scored: broke \\| badly"));
+    }
+}

@@ -1,0 +1,121 @@
+//! Simulated worlds: a camera, a scene, a capture with its white images, and the true views, kept while runs need them.
+
+use std::collections::HashMap;
+
+use anyhow::Result;
+use lenslet_core::calibration::{self, Calibration, Variant};
+use lenslet_core::lightfield::{ColourSpace, colour};
+use lenslet_core::progress::Observer;
+use lenslet_data_gen::simulate::{self, Camera, Kind, Options, Scene, Simulation};
+use ndarray::{Array2, Array3};
+
+use super::{Settings, dictionaries};
+
+/// Worlds kept at once; runs come sorted by world, so more are hardly ever needed again.
+const KEPT: usize = 2;
+
+/// What distinguishes worlds. Noise in thousandths, so that it can be compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Key {
+    kind: Kind,
+    seed: u64,
+    noise: u64,
+}
+
+/// A scene, its captures and its truth.
+pub(super) struct World {
+    key: Key,
+    pub(super) camera: Camera,
+    pub(super) scene: Scene,
+    pub(super) simulation: Simulation,
+    /// Views (width, height).
+    pub(super) size: (usize, usize),
+    calibrations: HashMap<&'static str, Calibration>,
+    truths: HashMap<(usize, usize, usize), Array3<f32>>,
+}
+
+/// The worlds of a call.
+pub(super) struct Worlds {
+    sensor: usize,
+    size: usize,
+    kept: Vec<World>,
+    trained: dictionaries::Store,
+}
+
+impl Worlds {
+    pub(super) fn new(settings: &Settings) -> Self {
+        Worlds {
+            sensor: settings.sensor(),
+            size: settings.size(),
+            kept: Vec::new(),
+            trained: dictionaries::Store::default(),
+        }
+    }
+
+    /// The dictionaries trained so far.
+    pub(super) fn trained(&mut self) -> &mut dictionaries::Store {
+        &mut self.trained
+    }
+
+    /// The world of `kind` under `seed`, made when it is not there.
+    pub(super) fn get(&mut self, kind: Kind, seed: u64, noise: f64, observer: &dyn Observer) -> Result<&mut World> {
+        let key = Key { kind, seed, noise: (1000.0 * noise).round() as u64 };
+        if let Some(at) = self.kept.iter().position(|w| w.key == key) {
+            // The last one used stays longest.
+            let world = self.kept.remove(at);
+            self.kept.push(world);
+        } else {
+            if self.kept.len() >= KEPT {
+                self.kept.remove(0);
+            }
+            self.kept.push(World::new(key, self.sensor, self.size, noise, observer)?);
+        }
+        let last = self.kept.len() - 1;
+        Ok(&mut self.kept[last])
+    }
+}
+
+impl World {
+    fn new(key: Key, sensor: usize, size: usize, noise: f64, observer: &dyn Observer) -> Result<World> {
+        let mut camera = Camera::with_sensor(sensor);
+        // Another camera for every seed: its lattice lies and turns differently.
+        let turn = |k: u64| ((key.seed.wrapping_mul(k) % 1000) as f64) / 1000.0;
+        camera.offset = [10.0 * turn(617) - 5.0, 10.0 * turn(389) - 5.0];
+        camera.rotation = 0.008 * turn(751) - 0.004;
+        let scene = Scene::named(key.kind, &camera, None, key.seed, observer)?;
+        let options = Options { seed: key.seed, noise, whites: 2 };
+        let simulation = simulate::render(&scene, &camera, &options, observer)?;
+        let size = simulate::output_size(&camera, size);
+        Ok(World { key, camera, scene, simulation, size, calibrations: HashMap::new(), truths: HashMap::new() })
+    }
+
+    /// The calibration of a variant, from the world's own white images.
+    pub(super) fn calibration(&mut self, variant: Variant, observer: &dyn Observer) -> Result<&Calibration> {
+        if !self.calibrations.contains_key(variant.name()) {
+            let options = calibration::Options { variant, ..calibration::Options::default() };
+            let found = calibration::calibrate(&self.simulation.whites, &options, observer)?;
+            self.calibrations.insert(variant.name(), found);
+        }
+        Ok(&self.calibrations[variant.name()])
+    }
+
+    /// The true view in row v and column u of n×n, sRGB-encoded.
+    pub(super) fn truth(&mut self, v: usize, u: usize, n: usize) -> &Array3<f32> {
+        self.truths.entry((v, u, n)).or_insert_with(|| {
+            let offset = simulate::offset([v, u], n, 1.0);
+            let mut view = simulate::view(&self.scene, &self.camera, offset, self.size);
+            colour::convert(&mut view, ColourSpace::Linear, ColourSpace::Srgb);
+            view
+        })
+    }
+
+    /// True disparity of the middle view.
+    pub(super) fn disparity(&self) -> Array2<f32> {
+        simulate::disparity(&self.scene, &self.camera, 1.0, self.size)
+    }
+
+    /// Output pixels between neighbouring lenslets.
+    pub(super) fn pitch(&self) -> f64 {
+        self.camera.pitch * self.size.0 as f64 / self.camera.sensor.0 as f64
+    }
+}
