@@ -5,16 +5,17 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
-use image::{ImageFormat, RgbImage};
 use lenslet_data_gen::simulate::{Kind, Region};
 use ndarray::{Array3, s};
 
 use super::scores::encoded;
+use crate::report::Picture;
+use crate::report::picture::difference;
 
 /// Side of a crop, pixels.
 const SIDE: usize = 140;
 /// How much differences are enlarged.
-pub(super) const AMPLIFICATION: f32 = 6.0;
+pub(super) const GAIN: f32 = 6.0;
 
 /// Where a scene is looked at closely: the upper left corner of the crop. On the chart the line pairs next to the middle.
 pub(super) fn place(kind: Kind, regions: &[Region], size: (usize, usize)) -> (usize, usize) {
@@ -45,22 +46,12 @@ pub(super) fn save(
     let (height, width, _) = truth.dim();
     let window = s![top..(top + SIDE).min(height), left..(left + SIDE).min(width), ..];
     let (image, truth) = (encoded(image).slice(window).to_owned(), truth.slice(window).to_owned());
-    let difference = (&image - &truth).mapv(|d| 0.5 + 0.5 * AMPLIFICATION * d);
+    let difference = difference(&image, &truth, GAIN);
     let mut names = BTreeMap::new();
     for (what, picture) in [("crop", &image), ("difference", &difference), ("truth", &truth)] {
         let name = format!("pictures/{key}-{what}.png");
-        fs::write(out.join(&name), png(picture)?).with_context(|| format!("cannot write {name}"))?;
+        fs::write(out.join(&name), Picture::png(picture, 1)?.bytes).with_context(|| format!("cannot write {name}"))?;
         names.insert(what.to_owned(), name);
     }
     Ok(names)
-}
-
-/// 8-bit PNG of an encoded picture (t, s, 3).
-fn png(picture: &Array3<f32>) -> Result<Vec<u8>> {
-    let (height, width, _) = picture.dim();
-    let bytes: Vec<u8> = picture.iter().map(|x| (x.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
-    let picture = RgbImage::from_raw(width as u32, height as u32, bytes).context("not three channels")?;
-    let mut png = std::io::Cursor::new(Vec::new());
-    picture.write_to(&mut png, ImageFormat::Png)?;
-    Ok(png.into_inner())
 }

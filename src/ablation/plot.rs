@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
-use super::page::escape;
 use super::table::{Table, of_name};
+use crate::report::escape;
 
 const ROW: f64 = 22.0;
 const LEFT: f64 = 190.0;
@@ -37,7 +37,7 @@ pub(super) fn dots(table: &Table, name: &str) -> Option<String> {
     let heading = of_name(name).map_or(name, |s| s.heading);
 
     let mut svg = format!(
-        "<svg class=\"plot\" role=\"img\" viewBox=\"0 0 {WIDTH} {:.0}\" aria-label=\"{} of {}\">",
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" role=\"img\" viewBox=\"0 0 {WIDTH} {:.0}\" aria-label=\"{} of {}\">",
         bottom + 40.0,
         escape(heading),
         escape(&table.experiment)
@@ -48,7 +48,7 @@ pub(super) fn dots(table: &Table, name: &str) -> Option<String> {
         let value = from + f64::from(k) * step;
         let _ = write!(
             svg,
-            "<line class=\"grid\" x1=\"{0:.1}\" x2=\"{0:.1}\" y1=\"4\" y2=\"{bottom:.0}\"/><text class=\"tick\" x=\"{0:.1}\" y=\"{1:.0}\" text-anchor=\"middle\">{value:.digits$}</text>",
+            "<path class=\"grid-line\" d=\"M{0:.1} 4V{bottom:.0}\"/><text x=\"{0:.1}\" y=\"{1:.0}\" text-anchor=\"middle\">{value:.digits$}</text>",
             x(value),
             bottom + 15.0
         );
@@ -70,7 +70,7 @@ pub(super) fn dots(table: &Table, name: &str) -> Option<String> {
             let y = y + (subject as f64 - (subjects.len() as f64 - 1.0) / 2.0) * (12.0 / subjects.len() as f64);
             let _ = write!(
                 svg,
-                "<g class=\"s{}\"><line x1=\"{:.1}\" x2=\"{:.1}\" y1=\"{y:.1}\" y2=\"{y:.1}\"/><circle cx=\"{:.1}\" cy=\"{y:.1}\" r=\"3.5\"/></g>",
+                "<g class=\"s{}\"><path class=\"curve\" d=\"M{:.1} {y:.1}H{:.1}\"/><circle class=\"dot\" cx=\"{:.1}\" cy=\"{y:.1}\" r=\"3.5\"/></g>",
                 subject % 6,
                 x(cell.mean - cell.spread),
                 x(cell.mean + cell.spread),
@@ -82,7 +82,7 @@ pub(super) fn dots(table: &Table, name: &str) -> Option<String> {
     for (i, subject) in subjects.iter().enumerate() {
         let _ = write!(
             svg,
-            "<g class=\"s{}\"><circle cx=\"{at:.0}\" cy=\"{:.0}\" r=\"3.5\"/></g><text x=\"{:.0}\" y=\"{:.0}\">{}</text>",
+            "<g class=\"s{}\"><circle class=\"dot\" cx=\"{at:.0}\" cy=\"{:.0}\" r=\"3.5\"/></g><text x=\"{:.0}\" y=\"{:.0}\">{}</text>",
             i % 6,
             bottom + 30.0,
             at + 8.0,
@@ -92,7 +92,7 @@ pub(super) fn dots(table: &Table, name: &str) -> Option<String> {
         at += 26.0 + 7.0 * subject.chars().count() as f64;
     }
     svg.push_str("</svg>");
-    Some(format!("<figure><figcaption>{}</figcaption>{svg}</figure>", escape(heading)))
+    Some(svg)
 }
 
 /// A round step that divides the range into 2 to 6 parts.

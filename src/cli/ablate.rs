@@ -3,7 +3,6 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context as _;
 use lenslet::ablation::{self, Experiment, Record, Settings, against, check, page, record, table};
 use lenslet_core::output;
 use serde_json::json;
