@@ -55,7 +55,7 @@ pub struct Args {
     /// Also write the tables as a Markdown page with command, machine and date
     #[arg(long, value_name = "FILE")]
     results: Option<PathBuf>,
-    /// Write into a folder that holds something else
+    /// Write into a folder that holds something else; replace the file of --results
     #[arg(long)]
     force: bool,
 }
@@ -85,7 +85,10 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if ablation::plan(&settings)?.is_empty() {
         return Err(Usage("nothing to run: peers need --peer and --truth".into()).into());
     }
-    // Read before the work, so that a wrong name costs nothing.
+    // Before the work, so that a wrong name costs nothing.
+    if let Some(path) = args.results.as_ref().filter(|p| p.exists() && !args.force) {
+        return Err(output::Error::Exists(path.clone()).into());
+    }
     let old = args.against.as_deref().map(records_of).transpose()?;
     let done = ablation::run(&args.out, &settings, args.force, &context.progress)
         .map_err(|e| if e.is::<ablation::Interrupted>() { Interrupted.into() } else { e })?;
@@ -98,7 +101,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     output::write_file(&args.out.join("orderings.json"), true, &serde_json::to_vec_pretty(&verdicts)?)?;
     page::write(&args.out, &tables, &verdicts, &about)?;
     if let Some(path) = &args.results {
-        output::write_file(path, true, results(&tables, &verdicts, &about).as_bytes())?;
+        output::write_file(path, args.force, results(&tables, &verdicts, &about).as_bytes())?;
     }
     let changes = old.map(|old| against::changes(&old, &records));
     if let Some(changes) = &changes {
