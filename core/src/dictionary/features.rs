@@ -1,0 +1,221 @@
+//! Features of the low image (paper section 4.4 after its ref. [22], and Zeyde 2010): f = F·w, with F the principal
+//! components of the first and second order gradients over a window, folded into one matrix on the window's values.
+
+use faer::linalg::matmul::matmul;
+use faer::{Accum, MatMut, MatRef, Par};
+use ndarray::{Array2, ArrayView2};
+
+use super::Error;
+
+/// Pixels that the widest gradient filter reaches beyond its centre.
+const REACH: usize = 2;
+
+fn reflect(i: isize, n: usize) -> usize {
+    // Mirrored with the border value repeated: … 1 0 | 0 1 2 … n-1 | n-1 n-2 …
+    let period = 2 * n as isize;
+    let r = i.rem_euclid(period) as usize;
+    if r < n { r } else { period as usize - 1 - r }
+}
+
+/// A plane (t, s) with `margin` pixels around it, mirrored at its borders. Both sides must be at least 1.
+#[must_use]
+pub fn pad(plane: ArrayView2<'_, f32>, margin: usize) -> Array2<f32> {
+    let (h, w) = plane.dim();
+    if h == 0 || w == 0 {
+        return Array2::zeros((h, w));
+    }
+    let columns: Vec<usize> = (0..w + 2 * margin).map(|x| reflect(x as isize - margin as isize, w)).collect();
+    let mut out = Array2::zeros((h + 2 * margin, w + 2 * margin));
+    for (y, mut row) in out.rows_mut().into_iter().enumerate() {
+        let source = plane.row(reflect(y as isize - margin as isize, h));
+        for (value, &x) in row.iter_mut().zip(&columns) {
+            *value = source[x];
+        }
+    }
+    out
+}
+
+/// The windows (support² values a row) of a padded plane whose top left corners are `corners` (y, x).
+///
+/// # Panics
+/// When a window leaves the plane.
+pub fn windows(padded: &Array2<f32>, support: usize, corners: &[(usize, usize)], out: &mut Vec<f32>) {
+    out.clear();
+    out.reserve(corners.len() * support * support);
+    let width = padded.ncols();
+    let Some(values) = padded.as_slice() else { return };
+    for &(y, x) in corners {
+        for r in 0..support {
+            let at = (y + r) * width + x;
+            out.extend_from_slice(&values[at..at + support]);
+        }
+    }
+}
+
+/// Features (n×m) of the windows at `corners`: one matrix product. `scratch` is reused between calls.
+#[must_use]
+pub fn extract(
+    padded: &Array2<f32>,
+    support: usize,
+    filters: &Array2<f32>,
+    corners: &[(usize, usize)],
+    scratch: &mut Vec<f32>,
+) -> Array2<f32> {
+    windows(padded, support, corners, scratch);
+    let (n, m, s2) = (corners.len(), filters.nrows(), support * support);
+    let mut out = Array2::<f32>::zeros((n, m));
+    let f = filters.as_standard_layout();
+    if let (Some(f), Some(o)) = (f.as_slice(), out.as_slice_mut()) {
+        matmul(
+            MatMut::from_row_major_slice_mut(o, n, m),
+            Accum::Replace,
+            MatRef::from_row_major_slice(scratch.as_slice(), n, s2),
+            MatRef::from_row_major_slice(f, m, s2).transpose(),
+            1.0,
+            Par::Seq,
+        );
+    }
+    out
+}
+
+/// The gradients as one matrix, 4·window² × support² with support = window + 4: for every place of the window the
+/// horizontal and vertical [−1 0 1] and [½ 0 −1 0 ½], applied to the values of the support.
+#[must_use]
+pub fn gradient_operator(window: usize) -> Array2<f64> {
+    let support = window + 2 * REACH;
+    let mut operator = Array2::zeros((4 * window * window, support * support));
+    for y in 0..window {
+        for x in 0..window {
+            let (place, at) = (y * window + x, |dy: usize, dx: usize| (y + dy) * support + x + dx);
+            let n = window * window;
+            for (filter, taps) in
+                [vec![(1, -1.0), (3, 1.0)], vec![(0, 0.5), (2, -1.0), (4, 0.5)]].into_iter().enumerate()
+            {
+                for (d, tap) in taps {
+                    operator[[2 * filter * n + place, at(REACH, d)]] += tap;
+                    operator[[(2 * filter + 1) * n + place, at(d, REACH)]] += tap;
+                }
+            }
+        }
+    }
+    operator
+}
+
+/// Feature filters F (m × support²): the m strongest principal components of the gradients, given the second moments
+/// of the windows, `moments` = Σ w·wᵀ (support² × support², support = window + 4). Also returns the part of the
+/// gradients' energy that they keep (0..1). Signs are fixed so that each row's largest entry is positive.
+///
+/// # Errors
+/// [`Error::Parameter`] when shapes do not fit, `features` is out of range, or the moments have no energy.
+pub fn learn_filters(
+    moments: ArrayView2<'_, f64>,
+    window: usize,
+    features: usize,
+) -> Result<(Array2<f32>, f64), Error> {
+    let support = window + 2 * REACH;
+    let operator = gradient_operator(window);
+    if moments.dim() != (support * support, support * support) {
+        return Err(Error::Parameter(format!("moments of shape {:?} for a window of {window}", moments.dim())));
+    }
+    if features == 0 || features > support * support {
+        return Err(Error::Parameter(format!("{features} features of a window of {window} pixels")));
+    }
+    let gradients = operator.dot(&moments).dot(&operator.t());
+    let n = gradients.nrows();
+    let matrix = faer::Mat::from_fn(n, n, |i, j| 0.5 * (gradients[[i, j]] + gradients[[j, i]]));
+    let eigen = matrix
+        .self_adjoint_eigen(faer::Side::Lower)
+        .map_err(|e| Error::Parameter(format!("no principal components: {e:?}")))?;
+    let values: Vec<f64> = (0..n).map(|i| eigen.S()[i]).collect();
+    let total: f64 = values.iter().filter(|v| v.is_finite() && **v > 0.0).sum();
+    let mut order: Vec<usize> = (0..n).collect();
+    order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
+    let kept: f64 = order[..features].iter().map(|&i| values[i]).sum();
+    if !(total > 0.0 && kept.is_finite()) {
+        return Err(Error::Parameter("the training windows have no gradients: photos of one colour?".into()));
+    }
+    let mut filters = Array2::zeros((features, support * support));
+    for (mut row, &component) in filters.rows_mut().into_iter().zip(&order) {
+        for i in 0..n {
+            let v = eigen.U()[(i, component)];
+            for (f, o) in row.iter_mut().zip(operator.row(i)) {
+                *f += v * o;
+            }
+        }
+        let peak = row.iter().fold(0.0f64, |a: f64, &b: &f64| if b.abs() > a.abs() { b } else { a });
+        if peak < 0.0 {
+            row.mapv_inplace(|v| -v);
+        }
+    }
+    Ok((filters.mapv(|v| v as f32), kept / total))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn padding_mirrors() {
+        let plane = Array2::from_shape_fn((2, 3), |(y, x)| (3 * y + x) as f32);
+        let padded = pad(plane.view(), 3);
+        assert_eq!(padded.row(3).to_vec(), [2.0, 1.0, 0.0, 0.0, 1.0, 2.0, 2.0, 1.0, 0.0]);
+        assert_eq!(padded.column(3).to_vec(), [3.0, 3.0, 0.0, 0.0, 3.0, 3.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn gradients_of_a_ramp() {
+        let operator = gradient_operator(3);
+        let ramp = ndarray::Array1::from_shape_fn(49, |i| (2 * (i % 7) + 5 * (i / 7)) as f64);
+        let g = operator.dot(&ramp);
+        assert!(g.iter().take(9).all(|v| *v == 4.0) && g.iter().skip(9).take(9).all(|v| *v == 10.0));
+        assert!(g.iter().skip(18).all(|v| *v == 0.0));
+    }
+
+    #[test]
+    fn folded_features_equal_gradients_then_components() {
+        // The plain way: gradients of each window, then projection on the eigenvectors of their moments.
+        use rand::{RngExt, SeedableRng};
+        let mut rng = rand::rngs::ChaCha8Rng::seed_from_u64(3);
+        let windows = Array2::from_shape_fn((400, 49), |_| rng.random::<f64>());
+        let moments = windows.t().dot(&windows);
+        let (filters, kept) = learn_filters(moments.view(), 3, 10).unwrap();
+        assert!(kept > 0.3 && kept < 1.0);
+        let gradients = windows.dot(&gradient_operator(3).t());
+        let folded = windows.dot(&filters.mapv(f64::from).t());
+        // Components are orthogonal over the data and their energy is what the eigenvalues promise.
+        let energy = folded.iter().map(|v| v * v).sum::<f64>() / gradients.iter().map(|v| v * v).sum::<f64>();
+        assert!((energy - kept).abs() < 1e-5);
+        let gram = folded.t().dot(&folded);
+        for i in 0..10 {
+            for j in 0..i {
+                assert!(gram[[i, j]].abs() < 1e-4 * gram[[0, 0]]);
+            }
+        }
+    }
+
+    #[test]
+    fn flat_data_is_refused() {
+        let moments = Array2::from_elem((49, 49), 1.0);
+        assert!(learn_filters(moments.view(), 3, 5).is_err());
+        assert!(learn_filters(Array2::zeros((4, 4)).view(), 3, 5).is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn extraction_is_a_dot_product(h in 1usize..12, w in 1usize..12, seed in 0u32..1000) {
+            let plane = Array2::from_shape_fn((h, w), |(y, x)| ((y * 31 + x * 17 + seed as usize) % 23) as f32 / 23.0);
+            let padded = pad(plane.view(), 3);
+            let filters = Array2::from_shape_fn((4, 49), |(i, j)| ((i * 7 + j * 3) % 11) as f32 - 5.0);
+            let corners: Vec<_> = (0..h).flat_map(|y| (0..w).map(move |x| (y, x))).collect();
+            let mut scratch = Vec::new();
+            let f = extract(&padded, 7, &filters, &corners, &mut scratch);
+            for (n, &(y, x)) in corners.iter().enumerate() {
+                for i in 0..4 {
+                    let plain: f32 = (0..49).map(|j| filters[[i, j]] * padded[[y + j / 7, x + j % 7]]).sum();
+                    prop_assert!((f[[n, i]] - plain).abs() < 1e-3);
+                }
+            }
+        }
+    }
+}

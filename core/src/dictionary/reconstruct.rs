@@ -1,0 +1,360 @@
+//! Learned reconstruction of a plane (paper section 4.4, eq. (4)): code every overlapping patch of the low image with Dl,
+//! substitute Dh, add the weighted mean of the residuals. The anchored path replaces the code by a regressor.
+
+use ndarray::{Array2, ArrayView2};
+use rayon::prelude::*;
+
+use super::{Anchored, Error, Model, Pass, extract, pad};
+use crate::sparse;
+
+/// How the residual of a patch is found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Path {
+    /// LASSO code of eq. (4), then Dh.
+    Lasso,
+    /// The regressor of the nearest anchor; passes without anchors use the LASSO code.
+    Anchored,
+    /// One ridge regressor for all patches.
+    Linear,
+}
+
+/// Options of reconstruction.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// How residuals are found.
+    pub path: Path,
+    /// Pixels between patches, 1 to the patch's side.
+    pub step: usize,
+    /// Standard deviation of the Gaussian that weighs a patch's pixels, as a fraction of its side; infinite = all the same.
+    pub spread: f32,
+    /// Patches whose features have a smaller norm stay as they are in the low image.
+    pub flat: f32,
+    /// λ instead of the trained one.
+    pub lambda: Option<f32>,
+    /// Averages the results of this many mirrored copies of the plane: 1, 2 (turned by half) or 4 (also mirrored).
+    pub ensemble: usize,
+    /// Use only this many passes.
+    pub passes: Option<usize>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            path: Path::Lasso,
+            step: 2,
+            spread: f32::INFINITY,
+            flat: 0.0,
+            lambda: None,
+            ensemble: 1,
+            passes: None,
+        }
+    }
+}
+
+/// Rows of patches that are solved together; the result does not depend on it beyond the grouping of float sums, which
+/// is why it is fixed.
+const BAND: usize = 8;
+
+/// A model made ready for use.
+#[derive(Debug, Clone)]
+pub struct Reconstructor {
+    model: Model,
+    solvers: Vec<Option<sparse::Prepared>>,
+    options: Options,
+}
+
+impl Reconstructor {
+    /// Prepares a model.
+    ///
+    /// # Errors
+    /// Options out of range, or atoms that the solver refuses.
+    pub fn new(model: &Model, options: &Options) -> Result<Self, Error> {
+        let mut model = model.clone();
+        if let Some(n) = options.passes {
+            model.passes.truncate(n.max(1));
+        }
+        let wrong = |what: String| Err(Error::Parameter(what));
+        if !matches!(options.ensemble, 1 | 2 | 4) {
+            return wrong(format!("an ensemble of {} copies: 1, 2 or 4", options.ensemble));
+        }
+        if !(options.spread > 0.01 && options.flat >= 0.0) || options.lambda.is_some_and(|l| !(0.0..=1.0).contains(&l))
+        {
+            return wrong("spread, flatness or λ is out of range".into());
+        }
+        let mut solvers = Vec::new();
+        for pass in &model.passes {
+            if options.step == 0 || options.step > pass.patch {
+                return wrong(format!("a step of {} pixels between patches of {}", options.step, pass.patch));
+            }
+            let needed = match options.path {
+                Path::Lasso => true,
+                Path::Anchored => pass.anchored.is_none(),
+                Path::Linear => false,
+            };
+            solvers.push(if needed { Some(sparse::prepare(pass.low.view())?) } else { None });
+        }
+        Ok(Reconstructor { model, solvers, options: options.clone() })
+    }
+
+    /// The model in use.
+    #[must_use]
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Reconstructs a plane (t, s) of luminance, sRGB-encoded, 0..1. The result is not clamped.
+    ///
+    /// Values that are not finite count as 0. Memory: about ten planes.
+    ///
+    /// # Errors
+    /// Only what the sparse solver reports.
+    pub fn plane(&self, low: ArrayView2<'_, f32>) -> Result<Array2<f32>, Error> {
+        let low = low.mapv(|v| if v.is_finite() { v } else { 0.0 });
+        if low.is_empty() {
+            return Ok(low);
+        }
+        let mut sum = Array2::<f32>::zeros(low.dim());
+        for copy in 0..self.options.ensemble {
+            let mut view = low.view();
+            // The lattice maps to itself under these (but for its small rotation), so the training fits the copies too.
+            let (down, across) = ([1, -1, -1, 1][copy], [1, -1, 1, -1][copy]);
+            let turn = |v: &mut ArrayView2<'_, f32>| {
+                v.invert_axis_if(0, down < 0);
+                v.invert_axis_if(1, across < 0);
+            };
+            turn(&mut view);
+            let mut current = view.as_standard_layout().into_owned();
+            for (pass, solver) in self.model.passes.iter().zip(&self.solvers) {
+                current = self.pass(pass, solver.as_ref(), &current)?;
+            }
+            let mut result = current.view();
+            turn(&mut result);
+            sum += &result;
+        }
+        if self.options.ensemble > 1 {
+            sum /= self.options.ensemble as f32;
+        }
+        Ok(sum)
+    }
+
+    fn pass(&self, pass: &Pass, solver: Option<&sparse::Prepared>, low: &Array2<f32>) -> Result<Array2<f32>, Error> {
+        let (h, w) = low.dim();
+        let (step, margin, r) = (self.options.step, pass.support / 2, pass.patch / 2);
+        let padded = pad(low.view(), margin);
+        let places = |n: usize| -> Vec<usize> {
+            let mut p: Vec<usize> = (0..n).step_by(step).collect();
+            if p.last() != Some(&(n - 1)) {
+                p.push(n - 1);
+            }
+            p
+        };
+        let (ys, xs) = (places(h), places(w));
+        let weights = window(pass.patch, self.options.spread);
+        let bands: Vec<&[usize]> = ys.chunks(BAND).collect();
+        let mut sums = low.mapv(|_| 0.0f32);
+        let mut totals = sums.clone();
+        // Bands in groups, so that only a few partial planes exist at a time; added in order.
+        for group in bands.chunks(2 * rayon::current_num_threads().max(1)) {
+            let parts: Vec<Result<Part, Error>> = group
+                .par_iter()
+                .map(|rows| {
+                    let corners: Vec<(usize, usize)> =
+                        rows.iter().flat_map(|&y| xs.iter().map(move |&x| (y, x))).collect();
+                    let patches = self.residuals(pass, solver, &padded, &corners)?;
+                    let first = rows[0].saturating_sub(r);
+                    let last = (rows[rows.len() - 1] + r + 1).min(h);
+                    let mut part = Part {
+                        first,
+                        sums: Array2::zeros((last - first, w)),
+                        totals: Array2::zeros((last - first, w)),
+                    };
+                    part.add(pass.patch, &weights, &patches, &corners);
+                    Ok(part)
+                })
+                .collect();
+            for part in parts {
+                let part = part?;
+                let rows = part.first..part.first + part.sums.nrows();
+                let mut target = sums.slice_mut(ndarray::s![rows.clone(), ..]);
+                target += &part.sums;
+                let mut target = totals.slice_mut(ndarray::s![rows, ..]);
+                target += &part.totals;
+            }
+        }
+        // Every pixel is covered: patches stand on every row and column multiple of the step and on the last ones.
+        ndarray::Zip::from(&mut sums).and(&totals).and(low).for_each(|s, &t, &l| *s = l + *s / t);
+        Ok(sums)
+    }
+
+    fn residuals(
+        &self,
+        pass: &Pass,
+        solver: Option<&sparse::Prepared>,
+        padded: &Array2<f32>,
+        corners: &[(usize, usize)],
+    ) -> Result<Array2<f32>, Error> {
+        let features = extract(padded, pass.support, &pass.filters, corners, &mut Vec::new());
+        match (self.options.path, &pass.anchored, solver) {
+            (Path::Linear, _, _) | (Path::Anchored, None, None) => Ok(features.dot(&pass.linear)),
+            (Path::Anchored, Some(anchored), _) => Ok(regress(anchored, &features, self.options.flat)),
+            (_, _, Some(solver)) => {
+                let lambda = self.options.lambda.unwrap_or(pass.lambda);
+                lasso(pass, solver, &features, lambda, self.options.flat)
+            }
+            (Path::Lasso, _, None) => Err(Error::Parameter("the dictionary was not prepared".into())),
+        }
+    }
+}
+
+trait InvertIf {
+    fn invert_axis_if(&mut self, axis: usize, yes: bool);
+}
+
+impl InvertIf for ArrayView2<'_, f32> {
+    fn invert_axis_if(&mut self, axis: usize, yes: bool) {
+        if yes {
+            self.invert_axis(ndarray::Axis(axis));
+        }
+    }
+}
+
+/// The rows of the result that one band of patches touches.
+struct Part {
+    first: usize,
+    sums: Array2<f32>,
+    totals: Array2<f32>,
+}
+
+impl Part {
+    /// Adds patches centred at `centres`, cut off at the plane's borders.
+    fn add(&mut self, patch: usize, weights: &[f32], patches: &Array2<f32>, centres: &[(usize, usize)]) {
+        let (rows, w) = self.sums.dim();
+        let r = patch / 2;
+        let (Some(sums), Some(totals)) = (self.sums.as_slice_mut(), self.totals.as_slice_mut()) else { return };
+        let Some(values) = patches.as_slice() else { return };
+        for (values, &(y, x)) in values.chunks_exact(patch * patch).zip(centres) {
+            let (left, right) = (r.saturating_sub(x), patch.min(w + r - x));
+            for dy in 0..patch {
+                let Some(row) = (y + dy).checked_sub(r + self.first).filter(|&row| row < rows) else { continue };
+                let at = row * w + x + left - r;
+                let n = right - left;
+                let from = dy * patch + left;
+                let target = sums[at..at + n].iter_mut().zip(&mut totals[at..at + n]);
+                for ((s, t), (v, k)) in target.zip(values[from..from + n].iter().zip(&weights[from..from + n])) {
+                    *s += k * v;
+                    *t += k;
+                }
+            }
+        }
+    }
+}
+
+fn window(patch: usize, spread: f32) -> Vec<f32> {
+    let r = (patch / 2) as f32;
+    let scale = if spread.is_finite() { 0.5 / (spread * patch as f32).powi(2) } else { 0.0 };
+    let square = |i: usize| (i as f32 - r).powi(2);
+    (0..patch * patch).map(|i| (-(square(i / patch) + square(i % patch)) * scale).exp().max(1e-6)).collect()
+}
+
+fn norms(features: &Array2<f32>) -> Vec<f32> {
+    features.rows().into_iter().map(|f| f.dot(&f).sqrt()).collect()
+}
+
+fn lasso(
+    pass: &Pass,
+    solver: &sparse::Prepared,
+    features: &Array2<f32>,
+    lambda: f32,
+    flat: f32,
+) -> Result<Array2<f32>, Error> {
+    let norms = norms(features);
+    // Flat patches code to nothing: |Dl y| ≤ ‖y‖ ≤ λ there, so the solver need not see them.
+    let least = (lambda * pass.floor).max(flat);
+    let kept: Vec<usize> = (0..norms.len()).filter(|&n| norms[n] > least).collect();
+    let mut out = if pass.with_linear {
+        features.dot(&pass.linear)
+    } else {
+        Array2::zeros((features.nrows(), pass.high.ncols()))
+    };
+    if kept.is_empty() {
+        return Ok(out);
+    }
+    let mut signals = features.select(ndarray::Axis(0), &kept);
+    for (mut row, &n) in signals.rows_mut().into_iter().zip(&kept) {
+        row /= norms[n].max(pass.floor);
+    }
+    let options =
+        sparse::Options { penalty: sparse::Penalty::Lambda(lambda), tolerance: 1e-4, ..sparse::Options::default() };
+    let codes = sparse::solve(solver, signals.view(), &options)?;
+    for (i, &n) in kept.iter().enumerate() {
+        let scale = norms[n].max(pass.floor);
+        let mut row = out.row_mut(n);
+        let range = codes.indptr[i]..codes.indptr[i + 1];
+        for (&atom, &value) in codes.atoms[range.clone()].iter().zip(&codes.values[range]) {
+            row.scaled_add(scale * value, &pass.high.row(atom as usize));
+        }
+    }
+    Ok(out)
+}
+
+fn regress(anchored: &Anchored, features: &Array2<f32>, flat: f32) -> Array2<f32> {
+    let (n, m) = features.dim();
+    let p2 = anchored.maps.dim().2;
+    let mut out = Array2::zeros((n, p2));
+    let nearest = nearest(&anchored.anchors, features);
+    // By anchor, so that a regressor is read once for all its patches.
+    let mut order: Vec<u32> = (0..n as u32).collect();
+    order.sort_by_key(|&i| nearest[i as usize]);
+    let norms = if flat > 0.0 { norms(features) } else { Vec::new() };
+    let (Some(maps), Some(f), Some(o)) = (anchored.maps.as_slice(), features.as_slice(), out.as_slice_mut()) else {
+        return out;
+    };
+    for i in order {
+        let i = i as usize;
+        if norms.get(i).is_some_and(|&n| n < flat) {
+            continue;
+        }
+        let map = &maps[nearest[i] as usize * m * p2..][..m * p2];
+        let row = &mut o[i * p2..(i + 1) * p2];
+        for (value, weights) in f[i * m..(i + 1) * m].iter().zip(map.chunks_exact(p2)) {
+            for (o, w) in row.iter_mut().zip(weights) {
+                *o += value * w;
+            }
+        }
+    }
+    out
+}
+
+/// The anchor of largest |correlation| for each feature vector; the first of equals.
+#[must_use]
+pub(crate) fn nearest(anchors: &Array2<f32>, features: &Array2<f32>) -> Vec<u32> {
+    use faer::linalg::matmul::matmul;
+    use faer::{Accum, MatMut, MatRef, Par};
+    let ((n, m), k) = (features.dim(), anchors.nrows());
+    let mut nearest = Vec::with_capacity(n);
+    const CHUNK: usize = 256;
+    let mut products = vec![0.0f32; CHUNK.min(n) * k];
+    let (Some(f), Some(a)) = (features.as_slice(), anchors.as_slice()) else { return vec![0; n] };
+    for chunk in f.chunks(CHUNK * m) {
+        let rows = chunk.len() / m;
+        let products = &mut products[..rows * k];
+        matmul(
+            MatMut::from_row_major_slice_mut(products, rows, k),
+            Accum::Replace,
+            MatRef::from_row_major_slice(chunk, rows, m),
+            MatRef::from_row_major_slice(a, k, m).transpose(),
+            1.0,
+            Par::Seq,
+        );
+        for row in products.chunks_exact(k) {
+            let mut best = (0, -1.0f32);
+            for (j, v) in row.iter().enumerate() {
+                if v.abs() > best.1 {
+                    best = (j as u32, v.abs());
+                }
+            }
+            nearest.push(best.0);
+        }
+    }
+    nearest
+}
