@@ -1,0 +1,213 @@
+//! Patch pairs out of crops (paper section 4.4, after its ref. [22]): features of the low image and the residual high − low.
+
+use lenslet_core::dictionary::{self, extract, pad, windows};
+use ndarray::{Array2, s};
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+use rayon::prelude::*;
+
+use super::{Crop, Error};
+
+/// Which patches are taken.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PatchOptions {
+    /// Side of the residual patch, odd.
+    pub patch: usize,
+    /// Side of the window whose gradients are the features, odd; the filters reach two pixels further.
+    pub window: usize,
+    /// Pairs a crop.
+    pub per_crop: usize,
+    /// Candidates drawn for each pair; those with more texture are likelier to stay.
+    pub candidates: usize,
+    /// Smallest norm of the features: flatter patches are left out.
+    pub flat: f32,
+    /// Seed.
+    pub seed: u64,
+}
+
+impl Default for PatchOptions {
+    fn default() -> Self {
+        PatchOptions { patch: 9, window: 9, per_crop: 1000, candidates: 3, flat: 0.05, seed: 1 }
+    }
+}
+
+/// Training pairs, one a row.
+#[derive(Debug, Clone)]
+pub struct Pairs {
+    /// Features of the low image, N×m, not normalised.
+    pub features: Array2<f32>,
+    /// High − low, N×patch².
+    pub residuals: Array2<f32>,
+    /// Photo of each pair.
+    pub photos: Vec<u32>,
+}
+
+fn check(options: &PatchOptions) -> Result<(), Error> {
+    let odd = |n: usize| n % 2 == 1 && n + 4 <= dictionary::limits::SIDE;
+    if !odd(options.patch) || !odd(options.window) || options.patch > options.window + 4 {
+        return Err(Error::Parameter(format!(
+            "patches of {} pixels in windows of {}: both must be odd, up to {}, and the patch at most 4 larger",
+            options.patch,
+            options.window,
+            dictionary::limits::SIDE - 4
+        )));
+    }
+    if options.candidates == 0 || options.candidates > 100 || !(options.flat >= 0.0) {
+        return Err(Error::Parameter("1 to 100 candidates a pair, and a flatness of at least 0".into()));
+    }
+    Ok(())
+}
+
+/// Feature filters learned from windows of all crops, and the part of the gradients' energy that they keep.
+///
+/// # Errors
+/// No crops, parameters out of range, or crops without any gradient.
+pub fn learn_filters(crops: &[Crop], window: usize, features: usize) -> Result<(Array2<f32>, f64), Error> {
+    check(&PatchOptions { window, patch: 1, ..PatchOptions::default() })?;
+    let support = window + 4;
+    let n = support * support;
+    // Enough windows for the moments, wherever they come from: every 9th pixel of every crop.
+    let parts: Vec<Array2<f64>> = crops
+        .par_iter()
+        .map(|crop| {
+            let padded = pad(crop.low.view(), support / 2);
+            let (h, w) = crop.low.dim();
+            let corners: Vec<_> =
+                (0..h).step_by(9).flat_map(|y| (0..w).step_by(9).map(move |x| (y, x))).take(4096).collect();
+            let mut values = Vec::new();
+            windows(&padded, support, &corners, &mut values);
+            // Gradients do not see the mean; without it the sums lose nothing to rounding.
+            for w in values.chunks_exact_mut(n) {
+                let mean = w.iter().sum::<f32>() / n as f32;
+                w.iter_mut().for_each(|v| *v -= mean);
+            }
+            let values = Array2::from_shape_vec((corners.len(), n), values).unwrap_or_default();
+            values.t().dot(&values).mapv(f64::from)
+        })
+        .collect();
+    let mut moments = Array2::<f64>::zeros((n, n));
+    parts.iter().for_each(|p| moments += p);
+    Ok(dictionary::learn_filters(moments.view(), window, features)?)
+}
+
+/// Pairs from all crops, in order of the crops.
+///
+/// # Errors
+/// Parameters out of range.
+pub fn pairs(crops: &[Crop], filters: &Array2<f32>, options: &PatchOptions) -> Result<Pairs, Error> {
+    check(options)?;
+    let support = options.window + 4;
+    if filters.ncols() != support * support {
+        return Err(Error::Parameter(format!("filters of shape {:?} for windows of {support}", filters.dim())));
+    }
+    let parts: Vec<(Array2<f32>, Array2<f32>)> =
+        crops.par_iter().enumerate().map(|(c, crop)| of_crop(crop, c as u64, filters, support, options)).collect();
+    let total = parts.iter().map(|p| p.0.nrows()).sum();
+    let mut features = Array2::zeros((total, filters.nrows()));
+    let mut residuals = Array2::zeros((total, options.patch * options.patch));
+    let mut photos = Vec::with_capacity(total);
+    let mut at = 0;
+    for ((f, r), crop) in parts.into_iter().zip(crops) {
+        let n = f.nrows();
+        features.slice_mut(s![at..at + n, ..]).assign(&f);
+        residuals.slice_mut(s![at..at + n, ..]).assign(&r);
+        photos.resize(at + n, crop.photo as u32);
+        at += n;
+    }
+    Ok(Pairs { features, residuals, photos })
+}
+
+fn of_crop(
+    crop: &Crop,
+    stream: u64,
+    filters: &Array2<f32>,
+    support: usize,
+    options: &PatchOptions,
+) -> (Array2<f32>, Array2<f32>) {
+    let (h, w) = crop.low.dim();
+    let (p, r) = (options.patch, options.patch / 2);
+    if h < p || w < p {
+        return (Array2::zeros((0, filters.nrows())), Array2::zeros((0, p * p)));
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
+    rng.set_stream((1 << 63) | stream);
+    let count = (options.per_crop * options.candidates).min(h * w);
+    let centres: Vec<(usize, usize)> =
+        (0..count).map(|_| (rng.random_range(r..h - r), rng.random_range(r..w - r))).collect();
+    let padded = pad(crop.low.view(), support / 2);
+    let features = extract(&padded, support, filters, &centres, &mut Vec::new());
+    // Textured patches first, but not only they: the norm times the root of a uniform deviate.
+    let mut ranked: Vec<(f32, usize)> = features
+        .rows()
+        .into_iter()
+        .enumerate()
+        .map(|(n, f)| {
+            let norm = f.dot(&f).sqrt();
+            let luck = rng.random::<f32>().sqrt();
+            (if norm > options.flat { norm * luck } else { -1.0 }, n)
+        })
+        .filter(|(rank, _)| *rank >= 0.0)
+        .collect();
+    ranked.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    ranked.truncate(options.per_crop);
+    let kept: Vec<usize> = ranked.into_iter().map(|(_, n)| n).collect();
+    let mut residuals = Array2::zeros((kept.len(), p * p));
+    for (mut row, &n) in residuals.rows_mut().into_iter().zip(&kept) {
+        let (y, x) = centres[n];
+        for (i, v) in row.iter_mut().enumerate() {
+            let at = [y + i / p - r, x + i % p - r];
+            *v = crop.high[at] - crop.low[at];
+        }
+    }
+    (features.select(ndarray::Axis(0), &kept), residuals)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn crop() -> Crop {
+        let high = Array2::from_shape_fn((50, 60), |(y, x)| ((x * x + 3 * y) % 17) as f32 / 17.0);
+        let low = Array2::from_shape_fn((50, 60), |(y, x)| 0.5 + 0.2 * (x as f32 * 0.4).sin() * (y as f32 * 0.3).cos());
+        Crop { photo: 5, high, low }
+    }
+
+    #[test]
+    fn a_pair_is_features_and_residual_of_one_place() {
+        let crops = [crop(), crop()];
+        let (filters, _) = learn_filters(&crops, 5, 6).unwrap();
+        let options = PatchOptions { patch: 3, window: 5, per_crop: 40, flat: 0.0, ..PatchOptions::default() };
+        let pairs = pairs(&crops, &filters, &options).unwrap();
+        assert_eq!(pairs.features.dim(), (80, 6));
+        assert!(pairs.photos.iter().all(|p| *p == 5));
+        // Each pair is found by brute force at some place of the crop.
+        let c = crop();
+        let padded = pad(c.low.view(), 4);
+        for n in (0..80).step_by(7) {
+            let mut found = false;
+            for y in 1..49 {
+                for x in 1..59 {
+                    let same = (0..9).all(|i| {
+                        let at = [y + i / 3 - 1, x + i % 3 - 1];
+                        (pairs.residuals[[n, i]] - (c.high[at] - c.low[at])).abs() < 1e-6
+                    });
+                    let plain =
+                        |f: usize| -> f32 { (0..81).map(|j| filters[[f, j]] * padded[[y + j / 9, x + j % 9]]).sum() };
+                    found |= same && (0..6).all(|f| (plain(f) - pairs.features[[n, f]]).abs() < 1e-4);
+                }
+            }
+            assert!(found, "pair {n}");
+        }
+    }
+
+    #[test]
+    fn flat_patches_are_left_out_and_sizes_checked() {
+        let flat = Crop { photo: 0, high: Array2::from_elem((30, 30), 0.5), low: Array2::from_elem((30, 30), 0.4) };
+        let (filters, _) = learn_filters(&[crop()], 5, 6).unwrap();
+        let options = PatchOptions { patch: 3, window: 5, ..PatchOptions::default() };
+        assert_eq!(pairs(&[flat.clone()], &filters, &options).unwrap().features.nrows(), 0);
+        assert!(learn_filters(&[flat], 5, 6).is_err());
+        assert!(pairs(&[crop()], &filters, &PatchOptions { patch: 4, ..options.clone() }).is_err());
+        assert!(pairs(&[crop()], &filters, &PatchOptions { window: 7, ..options }).is_err());
+    }
+}

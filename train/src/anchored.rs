@@ -1,0 +1,150 @@
+//! Anchored regression (A+, Timofte 2014): for each anchor a of the feature space the ridge regressor
+//! min over M of Σ ‖yᵀM − t‖² + ρ‖M‖² on the pairs whose unit features correlate most with a, in either sign.
+
+use lenslet_core::dictionary::Anchored;
+use ndarray::{Array2, Array3, ArrayView2, Axis};
+use rand::rngs::ChaCha8Rng;
+use rayon::prelude::*;
+
+use super::linear::{cholesky, substitute};
+use super::{Error, atoms};
+
+/// Anchors: means of the signals that are nearest to them, up to sign (spherical k-means), on at most `most` signals.
+///
+/// # Errors
+/// Fewer signals than anchors.
+pub fn anchors(
+    signals: &Array2<f32>,
+    count: usize,
+    rounds: usize,
+    most: usize,
+    rng: &mut ChaCha8Rng,
+) -> Result<Array2<f32>, Error> {
+    let mut anchors = atoms::initial(signals, count, rng)?;
+    let some = signals.nrows().min(most);
+    let chosen = super::online::shuffled(signals.nrows(), rng);
+    let subset = signals.select(Axis(0), &chosen[..some]);
+    for _ in 0..rounds {
+        let parts: Vec<Vec<(u32, f32)>> =
+            subset.axis_chunks_iter(Axis(0), 1024).into_par_iter().map(|part| assign(part, &anchors)).collect();
+        let mut sums = Array2::<f64>::zeros(anchors.dim());
+        for ((k, sign), row) in parts.into_iter().flatten().zip(subset.rows()) {
+            sums.row_mut(k as usize).zip_mut_with(&row, |s, v| *s += f64::from(sign * v));
+        }
+        for (mut anchor, sum) in anchors.rows_mut().into_iter().zip(sums.rows()) {
+            let norm = sum.dot(&sum).sqrt();
+            if norm > 1e-9 {
+                anchor.zip_mut_with(&sum, |a, s| *a = (s / norm) as f32);
+            }
+        }
+    }
+    Ok(anchors)
+}
+
+fn assign(signals: ArrayView2<'_, f32>, anchors: &Array2<f32>) -> Vec<(u32, f32)> {
+    let products = signals.dot(&anchors.t());
+    let best = |row: ndarray::ArrayView1<'_, f32>| {
+        let mut best = (0u32, 0.0f32);
+        for (k, &v) in row.iter().enumerate() {
+            if v.abs() > best.1.abs() {
+                best = (k as u32, v);
+            }
+        }
+        (best.0, if best.1 < 0.0 { -1.0 } else { 1.0 })
+    };
+    products.rows().into_iter().map(best).collect()
+}
+
+/// Fits one regressor an anchor on its `neighbours` nearest pairs (unit signals, targets in their scale).
+///
+/// Memory: one column of N correlations an anchor in work.
+///
+/// # Errors
+/// [`Error::TooLittle`] when there are no pairs; [`Error::Interrupted`] when `stop` says so.
+pub fn fit(
+    anchors: Array2<f32>,
+    signals: ArrayView2<'_, f32>,
+    targets: ArrayView2<'_, f32>,
+    neighbours: usize,
+    ridge: f32,
+    stop: &(dyn Fn() -> bool + Sync),
+) -> Result<Anchored, Error> {
+    let ((k, m), p, n) = (anchors.dim(), targets.ncols(), signals.nrows());
+    let count = neighbours.min(n);
+    if count == 0 {
+        return Err(Error::TooLittle("there are no training pairs for anchored regressors".into()));
+    }
+    let mut maps = Array3::<f32>::zeros((k, m, p));
+    maps.outer_iter_mut().into_par_iter().zip(anchors.outer_iter().into_par_iter()).try_for_each(
+        |(mut map, anchor)| {
+            if stop() {
+                return Err(Error::Interrupted);
+            }
+            let near = nearest(signals, anchor, count);
+            let x = signals.select(Axis(0), &near);
+            let t = targets.select(Axis(0), &near);
+            let mut gram = x.t().dot(&x).mapv(f64::from);
+            gram.diag_mut().mapv_inplace(|v| v + f64::from(ridge));
+            let mut right = x.t().dot(&t).mapv(f64::from);
+            if !cholesky(&mut gram) {
+                return Err(Error::TooLittle("a regressor is not determined: raise the ridge".into()));
+            }
+            substitute(&gram, &mut right);
+            map.assign(&right.mapv(|v| v as f32));
+            Ok(())
+        },
+    )?;
+    Ok(Anchored { anchors, maps })
+}
+
+/// Indices, ascending, of the `count` signals of largest |correlation| with the anchor.
+fn nearest(signals: ArrayView2<'_, f32>, anchor: ndarray::ArrayView1<'_, f32>, count: usize) -> Vec<usize> {
+    let mut ranked: Vec<(f32, u32)> =
+        signals.dot(&anchor).iter().enumerate().map(|(i, v)| (v.abs(), i as u32)).collect();
+    if count < ranked.len() {
+        ranked.select_nth_unstable_by(count, |a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        ranked.truncate(count);
+    }
+    let mut near: Vec<usize> = ranked.into_iter().map(|(_, i)| i as usize).collect();
+    near.sort_unstable();
+    near
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+
+    #[test]
+    fn nearest_is_the_sorted_definition() {
+        let mut rng = ChaCha8Rng::seed_from_u64(2);
+        let signals = Array2::from_shape_fn((200, 4), |_| rng.random::<f32>() - 0.5);
+        let anchor = ndarray::array![0.5f32, -0.5, 0.5, 0.5];
+        let mut all: Vec<usize> = (0..200).collect();
+        all.sort_by(|&a, &b| signals.row(b).dot(&anchor).abs().total_cmp(&signals.row(a).dot(&anchor).abs()));
+        let mut plain = all[..30].to_vec();
+        plain.sort_unstable();
+        assert_eq!(nearest(signals.view(), anchor.view(), 30), plain);
+        assert_eq!(nearest(signals.view(), anchor.view(), 500).len(), 200);
+    }
+
+    #[test]
+    fn a_map_that_bends_is_followed_better_than_by_one_regressor() {
+        let mut rng = ChaCha8Rng::seed_from_u64(2);
+        let mut x = Array2::from_shape_fn((4000, 3), |_| rng.random::<f32>() - 0.5);
+        atoms::normalise(&mut x);
+        let t = Array2::from_shape_fn((4000, 1), |(i, _)| x[[i, 0]] * x[[i, 1]].abs());
+        let a = anchors(&x, 24, 4, 2000, &mut rng).unwrap();
+        let fitted = fit(a, x.view(), t.view(), 200, 1e-3, &|| false).unwrap();
+        let of = assign(x.view(), &fitted.anchors);
+        let mut error = 0.0;
+        for (i, (k, _)) in of.iter().enumerate() {
+            let y = x.row(i).dot(&fitted.maps.index_axis(Axis(0), *k as usize).column(0));
+            error += (y - t[[i, 0]]).powi(2);
+        }
+        let one = crate::linear::ridge(x.view(), t.view(), None).unwrap();
+        let single: f32 = (&x.dot(&one) - &t).iter().map(|d| d * d).sum();
+        assert!(error < 0.3 * single, "{error} {single}");
+        assert!(matches!(fit(fitted.anchors, x.view(), t.view(), 200, 1e-3, &|| true), Err(Error::Interrupted)));
+    }
+}

@@ -1,0 +1,180 @@
+//! The parameters of training, one type for all algorithms.
+
+use lenslet_core::dictionary::{Footprint, Storage};
+use serde::{Deserialize, Serialize};
+
+use super::Error;
+
+/// How the dictionary of eq. (3) is learned.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Algorithm {
+    /// Approximate K-SVD with Batch-OMP codes (Aharon 2006, Rubinstein 2008).
+    Ksvd,
+    /// Online learning with LASSO codes (Mairal 2009).
+    Online,
+    /// Proximal gradient codes of the whole set in turn with block coordinate descent on the atoms.
+    Ista,
+}
+
+/// How Dh and Dl are coupled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Coupling {
+    /// Both at once on stacked pairs, eq. (3).
+    Joint,
+    /// Dl on the features alone, then Dh by least squares (Zeyde 2010).
+    Low,
+}
+
+/// Parameters of training.
+///
+/// | name | default | purpose | range |
+/// |---|---|---|---|
+/// | `atoms` | 512 | atoms K of Dl and Dh | 2 … 8192 |
+/// | `patch` | 9 | side of a residual patch, pixels | odd, 3 … 25 |
+/// | `window` | 9 | side of the window whose gradients are features | odd, 3 … 25, ≥ patch − 4 |
+/// | `features` | 40 | principal components kept, m | 2 … (window+4)² − 1 |
+/// | `lambda` | 0.1 | λ of eq. (3) and (4), for unit signals | 0.001 … 0.9 |
+/// | `nonzeros` | 4 | non-zeros a pair of `ksvd` | 1 … 64 |
+/// | `algorithm` | online | see [`Algorithm`] | |
+/// | `coupling` | joint | see [`Coupling`] | |
+/// | `epochs` | 3 | passes over the pairs | 1 … 1000 |
+/// | `batch` | 1024 | pairs between two updates of the atoms (`online`), and of a refinement step | 16 … 65536 |
+/// | `refine` | 6 | epochs of joint refinement of Dl and Dh through the active set | 0 … 1000 |
+/// | `rate` | 0.03 | first step of refinement, as a part of the atoms' own size | 0 … 1 |
+/// | `emphasis` | 1 | weight of a pair in fitting: its feature norm to this power | 0 … 2 |
+/// | `pairs` | 200 000 | training pairs | 100 … 20 000 000 |
+/// | `crop` | 256 | side of a crop, pixels | 32 … 4096 |
+/// | `crops` | 6 | crops a photo | 1 … 10 000 |
+/// | `shrink` | 1.5 | photos are shrunk by this first | 1 … 16 |
+/// | `footprints` | lenslet, point | one model each | |
+/// | `pitch`, `rotation` | 1080/328, 0.002 | the lattice, output pixels and radians | pitch 1 … 64 |
+/// | `noise` | 0 | standard deviation of noise on the samples (range 0..1) | 0 … 1 |
+/// | `passes` | 1 | passes, each learned on the result of the one before | 1 … 4 |
+/// | `with_linear` | false | codes explain what one ridge regressor leaves | |
+/// | `anchors` | 512 | anchored regressors of the fast path, 0 for none | 0 … 8192 |
+/// | `neighbours` | 2048 | pairs each regressor is fitted to | 16 … 1 000 000 |
+/// | `ridge` | 0.1 | regularisation of the anchored regressors, for unit features | > 0 |
+/// | `held_out` | 8 | every n-th photo is kept for scores | 0 (none), 2 … |
+/// | `storage` | i8 | how anchored maps are stored | |
+/// | `seed` | 1 | seed of the ChaCha8 generators | |
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+#[allow(missing_docs)] // the table above says it
+pub struct Parameters {
+    pub atoms: usize,
+    pub patch: usize,
+    pub window: usize,
+    pub features: usize,
+    pub lambda: f32,
+    pub nonzeros: usize,
+    pub algorithm: Algorithm,
+    pub coupling: Coupling,
+    pub epochs: usize,
+    pub batch: usize,
+    pub refine: usize,
+    pub rate: f32,
+    pub emphasis: f32,
+    pub pairs: usize,
+    pub crop: usize,
+    pub crops: usize,
+    pub shrink: f64,
+    pub footprints: Vec<Footprint>,
+    pub pitch: f64,
+    pub rotation: f64,
+    pub noise: f32,
+    pub passes: usize,
+    pub with_linear: bool,
+    pub anchors: usize,
+    pub neighbours: usize,
+    pub ridge: f32,
+    pub held_out: usize,
+    pub storage: Storage,
+    pub seed: u64,
+}
+
+impl Default for Parameters {
+    fn default() -> Self {
+        Parameters {
+            atoms: 512,
+            patch: 9,
+            window: 9,
+            features: 40,
+            lambda: 0.1,
+            nonzeros: 4,
+            algorithm: Algorithm::Online,
+            coupling: Coupling::Joint,
+            epochs: 3,
+            batch: 1024,
+            refine: 6,
+            rate: 0.03,
+            emphasis: 1.0,
+            pairs: 200_000,
+            crop: 256,
+            crops: 6,
+            shrink: 1.5,
+            footprints: vec![Footprint::Lenslet, Footprint::Point],
+            pitch: 1080.0 / 328.0,
+            rotation: 0.002,
+            noise: 0.0,
+            passes: 1,
+            with_linear: false,
+            anchors: 512,
+            neighbours: 2048,
+            ridge: 0.1,
+            held_out: 8,
+            storage: Storage::I8,
+            seed: 1,
+        }
+    }
+}
+
+impl Parameters {
+    /// Checks every range of the table.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] with the name, the value and the range.
+    pub fn check(&self) -> Result<(), Error> {
+        fn within<T: PartialOrd + std::fmt::Display>(name: &str, value: T, low: T, high: T) -> Result<(), Error> {
+            if value >= low && value <= high {
+                return Ok(());
+            }
+            Err(Error::Parameter(format!("{name} {value} is out of range ({low} to {high})")))
+        }
+        let odd = |name: &str, n: usize| {
+            within(name, n, 3, 25)?;
+            if n % 2 == 1 { Ok(()) } else { Err(Error::Parameter(format!("{name} {n} must be odd"))) }
+        };
+        within("atoms", self.atoms, 2, 8192)?;
+        odd("patch", self.patch)?;
+        odd("window", self.window)?;
+        within("patch", self.patch, 3, self.window + 4)?;
+        within("features", self.features, 2, (self.window + 4).pow(2) - 1)?;
+        within("lambda", self.lambda, 0.001, 0.9)?;
+        within("nonzeros", self.nonzeros, 1, 64)?;
+        within("epochs", self.epochs, 1, 1000)?;
+        within("batch", self.batch, 16, 65_536)?;
+        within("refine", self.refine, 0, 1000)?;
+        within("rate", self.rate, 0.0, 1.0)?;
+        within("emphasis", self.emphasis, 0.0, 2.0)?;
+        within("pairs", self.pairs, 100, 20_000_000)?;
+        within("crop", self.crop, 32, 4096)?;
+        within("crops", self.crops, 1, 10_000)?;
+        within("shrink", self.shrink, 1.0, 16.0)?;
+        within("pitch", self.pitch, 1.0, 64.0)?;
+        within("rotation", self.rotation, -std::f64::consts::PI, std::f64::consts::PI)?;
+        within("noise", self.noise, 0.0, 1.0)?;
+        within("passes", self.passes, 1, 4)?;
+        within("anchors", self.anchors, 0, 8192)?;
+        within("neighbours", self.neighbours, 16, 1_000_000)?;
+        within("ridge", self.ridge, 1e-6, 1e6)?;
+        if self.held_out == 1 {
+            return Err(Error::Parameter("held_out 1 would leave no photo to learn from".into()));
+        }
+        if self.footprints.is_empty() || self.footprints.len() > 4 {
+            return Err(Error::Parameter("one to four footprints are needed".into()));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,514 @@
+//! A whole training run: photos → pairs → eq. (3) → Dh → refinement → anchors → dictionary, with checkpoints and scores.
+
+use std::path::{Path, PathBuf};
+
+use lenslet_core::dictionary::{self, Dictionary, Footprint, Model, Options, Pass, Recipe, Reconstructor, Storage};
+use lenslet_core::progress::Observer;
+use lenslet_data_gen::pairs::{self, Crop, PatchOptions};
+use ndarray::{Array2, Axis, concatenate, s};
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::checkpoint::{self, Checkpoint, Key, Stage};
+use super::data::{self, Data};
+use super::{Algorithm, Coupling, Error, Parameters, anchored, atoms, ksvd, linear, online, refine};
+
+/// One epoch's news.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Epoch {
+    /// Footprint of the model.
+    pub footprint: Footprint,
+    /// Pass, from 1.
+    pub pass: usize,
+    /// `learn`, `refine`, or `done` for the finished pass.
+    pub stage: String,
+    /// Epoch within the stage, from 1.
+    pub epoch: usize,
+    /// Mean objective a pair (learn: ½‖x − Dᵀα‖² + λ‖α‖₁, or ½‖x − Dᵀα‖² for K-SVD; refine: weighted ½‖e‖²).
+    pub objective: f64,
+    /// Mean number of non-zeros.
+    pub nonzeros: f64,
+    /// Atoms replaced.
+    pub replaced: usize,
+    /// PSNR on the held-out crops by the LASSO path, dB; None without held-out photos.
+    pub held_out_psnr: Option<f64>,
+    /// PSNR of their low images.
+    pub low_psnr: Option<f64>,
+    /// Seconds since the run (or its resumption) began.
+    pub seconds: f64,
+}
+
+/// What a run gives.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    /// The dictionary.
+    pub dictionary: Dictionary,
+    /// All epochs.
+    pub trace: Vec<Epoch>,
+    /// Photos left out, and why.
+    pub skipped: Vec<String>,
+}
+
+/// Trains a dictionary on the photos (files, or folders that are searched).
+///
+/// With a `checkpoint` file, the state is saved there after every epoch; with `resume` a run goes on from it, to the very
+/// dictionary that the uninterrupted run gives. `log` hears every epoch.
+///
+/// # Errors
+/// Parameters out of range, no usable photo, a checkpoint of another run, [`Error::Interrupted`].
+pub fn train(
+    photos: &[PathBuf],
+    parameters: &Parameters,
+    checkpoint: Option<&Path>,
+    resume: bool,
+    observer: &dyn Observer,
+    log: &mut dyn FnMut(&Epoch),
+) -> Result<Outcome, Error> {
+    parameters.check()?;
+    let started = std::time::Instant::now();
+    let mut data = data::gather(photos, parameters, parameters.footprints[0], observer)?;
+    let skipped = data.skipped.clone();
+    let key = Key { version: 1, parameters: parameters.clone(), photos: data.photos.clone() };
+    let state = match checkpoint {
+        Some(path) if resume => checkpoint::load(path, &key)?,
+        _ => Checkpoint { key, done: None, at: (0, 0), stage: None, trace: Vec::new() },
+    };
+    let mut run = Run { parameters, observer, log, path: checkpoint, state, started };
+    for (m, &footprint) in parameters.footprints.iter().enumerate() {
+        if run.state.at.0 != m {
+            continue;
+        }
+        if m > 0 {
+            data = data::gather(photos, parameters, footprint, &Quiet(observer))?;
+        }
+        run.model(footprint, &data)?;
+    }
+    let state = run.state;
+    let Some(mut dictionary) = state.done else { return Err(Error::TooLittle("nothing was trained".into())) };
+    dictionary.recipe = recipe(parameters, &state.key, &state.trace)?;
+    dictionary.storage = parameters.storage;
+    Ok(Outcome { dictionary, trace: state.trace, skipped })
+}
+
+/// Passes everything on but notes: what is wrong with a photo is said once.
+struct Quiet<'a>(&'a dyn Observer);
+
+impl Observer for Quiet<'_> {
+    fn begin(&self, stage: &str, total: u64) {
+        self.0.begin(stage, total);
+    }
+    fn advance(&self, n: u64) {
+        self.0.advance(n);
+    }
+    fn cancelled(&self) -> bool {
+        self.0.cancelled()
+    }
+}
+
+fn recipe(parameters: &Parameters, key: &Key, trace: &[Epoch]) -> Result<Recipe, Error> {
+    let wrong = |e: serde_json::Error| Error::Parameter(e.to_string());
+    let parameters_json = serde_json::to_value(parameters).map_err(wrong)?;
+    let mut scores = serde_json::Map::new();
+    for e in trace.iter().filter(|e| e.stage == "done") {
+        // Times differ from run to run, the file must not: only scores go in.
+        let value = serde_json::json!({ "low": e.low_psnr, "learned": e.held_out_psnr });
+        scores.insert(format!("held-out PSNR, {}, pass {}", e.footprint, e.pass), value);
+    }
+    Ok(Recipe {
+        tool: format!("lenslet {}", env!("CARGO_PKG_VERSION")),
+        algorithm: serde_json::to_value(parameters.algorithm).map_err(wrong)?.as_str().unwrap_or_default().into(),
+        seed: parameters.seed,
+        generator: "ChaCha8".into(),
+        parameters: parameters_json.as_object().cloned().unwrap_or_default(),
+        photos: key.photos.clone(),
+        scores,
+    })
+}
+
+struct Run<'a> {
+    parameters: &'a Parameters,
+    observer: &'a dyn Observer,
+    log: &'a mut dyn FnMut(&Epoch),
+    path: Option<&'a Path>,
+    state: Checkpoint,
+    started: std::time::Instant,
+}
+
+/// Pairs made ready: unit features, targets in their scale, weights.
+struct Ready {
+    filters: Array2<f32>,
+    floor: f32,
+    linear: Array2<f32>,
+    signals: Array2<f32>,
+    targets: Array2<f32>,
+    weights: Vec<f32>,
+}
+
+impl Run<'_> {
+    fn model(&mut self, footprint: Footprint, data: &Data) -> Result<(), Error> {
+        let p = self.parameters;
+        let degradation = data::degradation(p, footprint);
+        while self.state.at.1 < p.passes {
+            let number = self.state.at.1;
+            let passes: Vec<Pass> = match &self.state.done {
+                Some(d) if d.models.len() > self.state.at.0 => d.models[self.state.at.0].passes.clone(),
+                _ => Vec::new(),
+            };
+            let model = |passes| Model { footprint, base: degradation.base, pitch: p.pitch, passes };
+            let before = if passes.is_empty() { None } else { Some(model(passes.clone())) };
+            let (train, held_out) = match &before {
+                None => (data.train.clone(), data.held_out.clone()),
+                Some(m) => (self.advance(m, &data.train)?, self.advance(m, &data.held_out)?),
+            };
+            let pass = self.pass(footprint, number, &train, &held_out, &degradation)?;
+            drop(train);
+            let mut passes = passes;
+            passes.push(pass);
+            let finished = model(passes);
+            let done = self.state.done.get_or_insert_with(|| Dictionary {
+                recipe: Recipe::default(),
+                storage: Storage::F32,
+                models: Vec::new(),
+            });
+            done.models.truncate(self.state.at.0);
+            done.models.push(finished);
+            self.state.at.1 += 1;
+            self.state.stage = None;
+            self.save()?;
+        }
+        self.state.at = (self.state.at.0 + 1, 0);
+        self.save()
+    }
+
+    /// Crops whose low image is what the passes so far make of it.
+    fn advance(&self, model: &Model, crops: &[Crop]) -> Result<Vec<Crop>, Error> {
+        self.observer.begin("earlier passes", crops.len() as u64);
+        let reconstructor = Reconstructor::new(model, &Options::default())?;
+        crops
+            .iter()
+            .map(|c| {
+                self.check()?;
+                self.observer.advance(1);
+                let low = reconstructor.plane(c.low.view())?;
+                Ok(Crop { photo: c.photo, high: c.high.clone(), low })
+            })
+            .collect()
+    }
+
+    fn check(&self) -> Result<(), Error> {
+        if self.observer.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
+    }
+
+    fn save(&self) -> Result<(), Error> {
+        match self.path {
+            Some(path) => checkpoint::save(path, &self.state),
+            None => Ok(()),
+        }
+    }
+
+    fn rng(&self, what: u64) -> ChaCha8Rng {
+        let (model, pass) = self.state.at;
+        let mut rng = ChaCha8Rng::seed_from_u64(self.parameters.seed);
+        rng.set_stream((3 << 62) | ((model as u64) << 40) | ((pass as u64) << 32) | what);
+        rng
+    }
+
+    fn pass(
+        &mut self,
+        footprint: Footprint,
+        number: usize,
+        train: &[Crop],
+        held_out: &[Crop],
+        degradation: &pairs::Degradation,
+    ) -> Result<Pass, Error> {
+        let p = self.parameters;
+        let ready = self.prepare(train)?;
+        let scorer = Scorer::new(footprint, degradation, held_out, &ready, p);
+        let problem = refine::Problem {
+            signals: ready.signals.view(),
+            targets: ready.targets.view(),
+            weights: &ready.weights,
+            lambda: p.lambda,
+        };
+        let mut stage = match self.state.stage.take() {
+            Some(stage) => stage,
+            None => Stage::Learn(0, self.first_atoms(&ready)?),
+        };
+        if let Stage::Learn(mut done, mut state) = stage {
+            let stacked = match p.coupling {
+                Coupling::Joint => stack(&ready),
+                Coupling::Low => ready.signals.clone(),
+            };
+            while done < p.epochs {
+                let mut rng = self.rng(0x1000 + done as u64);
+                self.observer.begin(&format!("{footprint}: learn {}/{}", done + 1, p.epochs), stacked.nrows() as u64);
+                let observer = self.observer;
+                let mut step = |n: usize| {
+                    observer.advance(n as u64);
+                    if observer.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
+                };
+                let summary = match p.algorithm {
+                    Algorithm::Ksvd => ksvd::epoch(&mut state.atoms, stacked.view(), p.nonzeros, &mut rng, &mut step)?,
+                    Algorithm::Online => {
+                        online::epoch(&mut state, stacked.view(), p.lambda, p.batch, &mut rng, &mut step)?
+                    }
+                    Algorithm::Ista => online::batch_epoch(&mut state, stacked.view(), p.lambda, &mut rng, &mut step)?,
+                };
+                done += 1;
+                let (low, high) = split(&state.atoms, &ready, p.coupling);
+                // Scored as it stands when learned jointly; alone, Dl has no Dh before the least squares.
+                let psnr = match high {
+                    Some(high) => scorer.score(&low, &high)?,
+                    None => None,
+                };
+                self.report(footprint, number, "learn", done, summary, psnr, scorer.low);
+                self.state.stage = Some(Stage::Learn(done, state.clone()));
+                self.save()?;
+            }
+            let (low, _) = split(&state.atoms, &ready, p.coupling);
+            let high = self.fit_high(&low, &problem)?;
+            stage = Stage::Refine(0, refine::State::new(low, high));
+        }
+        let Stage::Refine(mut done, mut state) = stage else {
+            return Err(Error::Parameter("training is in no stage".into()));
+        };
+        while done < p.refine {
+            let mut rng = self.rng(0x2000 + done as u64);
+            self.observer
+                .begin(&format!("{footprint}: refine {}/{}", done + 1, p.refine), ready.signals.nrows() as u64);
+            let observer = self.observer;
+            let mut step = |n: usize| {
+                observer.advance(n as u64);
+                if observer.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
+            };
+            // The step falls as a half cosine over all epochs.
+            let rate = |e: usize| {
+                let x = e as f32 / p.refine as f32;
+                p.rate * (0.02 + 0.98 * 0.5 * (1.0 + (std::f32::consts::PI * x).cos()))
+            };
+            let (objective, nonzeros) =
+                refine::epoch(&mut state, &problem, p.batch, (rate(done), rate(done + 1)), &mut rng, &mut step)?;
+            done += 1;
+            let psnr = scorer.score(&state.low, &state.high)?;
+            let summary = online::Summary { objective, nonzeros, replaced: 0 };
+            self.report(footprint, number, "refine", done, summary, psnr, scorer.low);
+            self.state.stage = Some(Stage::Refine(done, state.clone()));
+            self.save()?;
+        }
+        let high = if p.refine > 0 { self.fit_high(&state.low, &problem)? } else { state.high };
+        let psnr = scorer.score(&state.low, &high)?;
+        let anchored = self.anchors(&ready)?;
+        self.report(footprint, number, "done", 0, online::Summary::default(), psnr, scorer.low);
+        let mut pass = scorer.pass;
+        pass.low = state.low;
+        pass.high = high;
+        pass.anchored = anchored;
+        Ok(pass)
+    }
+
+    fn fit_high(&self, low: &Array2<f32>, problem: &refine::Problem<'_>) -> Result<Array2<f32>, Error> {
+        self.observer.begin("least squares Dh", problem.signals.nrows() as u64);
+        refine::fit_high(low, problem, &mut |n| {
+            self.observer.advance(n as u64);
+            self.check()
+        })
+    }
+
+    fn anchors(&self, ready: &Ready) -> Result<Option<dictionary::Anchored>, Error> {
+        let p = self.parameters;
+        if p.anchors == 0 {
+            return Ok(None);
+        }
+        self.observer.begin("anchored regressors", 0);
+        let mut rng = self.rng(0x3000);
+        let anchors = anchored::anchors(&ready.signals, p.anchors, 6, 60_000, &mut rng)?;
+        let targets = if p.with_linear {
+            // Anchored regressors stand alone: their targets are whole.
+            &ready.targets + &ready.signals.dot(&ready.linear)
+        } else {
+            ready.targets.clone()
+        };
+        let stop = || self.observer.cancelled();
+        let fitted = anchored::fit(anchors, ready.signals.view(), targets.view(), p.neighbours, p.ridge, &stop)?;
+        Ok(Some(fitted))
+    }
+
+    fn prepare(&self, crops: &[Crop]) -> Result<Ready, Error> {
+        let p = self.parameters;
+        self.observer.begin("pairs", 0);
+        let (filters, _) = pairs::learn_filters(crops, p.window, p.features)?;
+        let options = PatchOptions {
+            patch: p.patch,
+            window: p.window,
+            per_crop: p.pairs.div_ceil(crops.len()),
+            seed: p.seed,
+            ..PatchOptions::default()
+        };
+        let mut pairs = pairs::pairs(crops, &filters, &options)?;
+        if pairs.features.nrows() < p.atoms.max(p.anchors).max(100) {
+            return Err(Error::TooLittle(format!(
+                "{} textured patches are too few for {} atoms: give more or larger photos, or fewer --atoms",
+                pairs.features.nrows(),
+                p.atoms.max(p.anchors)
+            )));
+        }
+        let floor = options.flat;
+        let linear = linear::ridge(pairs.features.view(), pairs.residuals.view(), None)?;
+        if p.with_linear {
+            pairs.residuals -= &pairs.features.dot(&linear);
+        }
+        let (mut signals, mut targets) = (pairs.features, pairs.residuals);
+        let mut weights = vec![0.0f32; signals.nrows()];
+        let rows = signals.outer_iter_mut().into_par_iter().zip(targets.outer_iter_mut().into_par_iter());
+        rows.zip(weights.par_iter_mut()).for_each(|((mut y, mut t), w)| {
+            let norm = y.dot(&y).sqrt().max(floor);
+            y /= norm;
+            t /= norm;
+            *w = norm.powf(p.emphasis);
+        });
+        let mean = weights.iter().map(|w| f64::from(*w)).sum::<f64>() / weights.len() as f64;
+        weights.iter_mut().for_each(|w| *w /= mean as f32);
+        self.check()?;
+        Ok(Ready { filters, floor, linear, signals, targets, weights })
+    }
+
+    fn first_atoms(&self, ready: &Ready) -> Result<online::State, Error> {
+        let mut rng = self.rng(0);
+        let atoms = match self.parameters.coupling {
+            Coupling::Joint => atoms::initial(&stack(ready), self.parameters.atoms, &mut rng)?,
+            Coupling::Low => atoms::initial(&ready.signals, self.parameters.atoms, &mut rng)?,
+        };
+        Ok(online::State::new(atoms))
+    }
+
+    #[allow(clippy::too_many_arguments)] // one line of news
+    fn report(
+        &mut self,
+        footprint: Footprint,
+        number: usize,
+        stage: &str,
+        epoch: usize,
+        summary: online::Summary,
+        psnr: Option<f64>,
+        low: Option<f64>,
+    ) {
+        let news = Epoch {
+            footprint,
+            pass: number + 1,
+            stage: stage.into(),
+            epoch,
+            objective: summary.objective,
+            nonzeros: summary.nonzeros,
+            replaced: summary.replaced,
+            held_out_psnr: psnr,
+            low_psnr: low,
+            seconds: self.started.elapsed().as_secs_f64(),
+        };
+        let decibels = |v: Option<f64>| v.map_or("none".into(), |v| format!("{v:.3} dB"));
+        self.observer.note(&format!(
+            "{footprint}, pass {}, {stage} {epoch}: objective {:.6}, {:.2} non-zeros, {} replaced, held-out {} (low image {}), {:.0} s",
+            number + 1,
+            summary.objective,
+            summary.nonzeros,
+            summary.replaced,
+            decibels(psnr),
+            decibels(low),
+            news.seconds
+        ));
+        (self.log)(&news);
+        self.state.trace.push(news);
+    }
+}
+
+/// The weight of the targets in a stacked pair: both halves get the same mean energy.
+fn balance(ready: &Ready) -> f32 {
+    let energy = |a: &Array2<f32>| a.rows().into_iter().map(|r| f64::from(r.dot(&r))).sum::<f64>();
+    (energy(&ready.signals) / energy(&ready.targets).max(1e-30)).sqrt() as f32
+}
+
+/// Stacked pairs of eq. (3), [y, b·t]/√2: mean energy as that of y.
+fn stack(ready: &Ready) -> Array2<f32> {
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    let b = balance(ready) * half;
+    let (low, high) = (ready.signals.mapv(|v| v * half), ready.targets.mapv(|v| v * b));
+    concatenate(Axis(1), &[low.view(), high.view()]).unwrap_or_else(|_| ready.signals.clone())
+}
+
+/// Dl (unit rows) and Dh of stacked atoms; an atom with hardly any low part becomes the first feature axis.
+fn split(stacked: &Array2<f32>, ready: &Ready, coupling: Coupling) -> (Array2<f32>, Option<Array2<f32>>) {
+    if coupling == Coupling::Low {
+        return (stacked.clone(), None);
+    }
+    let m = ready.signals.ncols();
+    let b = balance(ready);
+    let mut low = stacked.slice(s![.., ..m]).to_owned();
+    let mut high = stacked.slice(s![.., m..]).to_owned();
+    for (l, mut h) in low.rows().into_iter().zip(high.rows_mut()) {
+        let norm = l.dot(&l).sqrt();
+        h /= b * norm.max(1e-3);
+    }
+    atoms::normalise(&mut low);
+    (low, Some(high))
+}
+
+/// Scores dictionaries on the held-out crops.
+struct Scorer<'a> {
+    pass: Pass,
+    model: Model,
+    crops: &'a [Crop],
+    low: Option<f64>,
+}
+
+impl<'a> Scorer<'a> {
+    fn new(
+        footprint: Footprint,
+        degradation: &pairs::Degradation,
+        crops: &'a [Crop],
+        ready: &Ready,
+        p: &Parameters,
+    ) -> Self {
+        let pass = Pass {
+            support: p.window + 4,
+            patch: p.patch,
+            filters: ready.filters.clone(),
+            floor: ready.floor,
+            lambda: p.lambda,
+            low: Array2::zeros((0, 0)),
+            high: Array2::zeros((0, 0)),
+            linear: ready.linear.clone(),
+            with_linear: p.with_linear,
+            anchored: None,
+        };
+        // A few crops are enough to see which way it goes.
+        let crops = &crops[..crops.len().min(6)];
+        let model = Model { footprint, base: degradation.base, pitch: degradation.pitch, passes: Vec::new() };
+        let errors = crops.iter().map(|c| error(&c.low, &c.high));
+        let low = mean_psnr(errors);
+        Scorer { pass, model, crops, low }
+    }
+
+    fn score(&self, low: &Array2<f32>, high: &Array2<f32>) -> Result<Option<f64>, Error> {
+        let mut model = self.model.clone();
+        model.passes.push(Pass { low: low.clone(), high: high.clone(), ..self.pass.clone() });
+        let options = Options { step: 3.min(self.pass.patch), ..Options::default() };
+        let reconstructor = Reconstructor::new(&model, &options)?;
+        let mut errors = Vec::new();
+        for crop in self.crops {
+            errors.push(error(&reconstructor.plane(crop.low.view())?, &crop.high));
+        }
+        Ok(mean_psnr(errors.into_iter()))
+    }
+}
+
+/// Mean squared error, values clamped to the range.
+fn error(result: &Array2<f32>, truth: &Array2<f32>) -> f64 {
+    let sum: f64 = result.iter().zip(truth).map(|(a, b)| f64::from(a.clamp(0.0, 1.0) - b).powi(2)).sum();
+    sum / truth.len().max(1) as f64
+}
+
+fn mean_psnr(errors: impl Iterator<Item = f64>) -> Option<f64> {
+    let all: Vec<f64> = errors.map(|e| -10.0 * e.max(1e-10).log10()).collect();
+    if all.is_empty() { None } else { Some(all.iter().sum::<f64>() / all.len() as f64) }
+}
