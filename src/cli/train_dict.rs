@@ -1,11 +1,191 @@
 //! `lenslet train-dict`
 
-use super::{Context, Outcome};
+use std::io::Write;
+use std::path::PathBuf;
 
-/// train-dict
+use anyhow::Context as _;
+use lenslet_core::dictionary::{self, Footprint};
+use lenslet_core::output;
+use lenslet_train::{Algorithm, Coupling, Parameters, train};
+use serde_json::json;
+
+use super::{Context, Interrupted, Outcome, Usage};
+
+/// Learn a dictionary pair Dh/Dl from photos
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(after_help = "\
+Example: lenslet train-dict my-photos/ --out mine.lfd
+         lenslet train-dict a.jpg b.jpg c.png --out small.lfd --atoms 256 --pairs 50000
+         lenslet train-dict my-photos/ --out mine.lfd --resume     (goes on after an interruption)
 
-pub fn run(_args: &Args, _context: &Context) -> anyhow::Result<Outcome> {
-    anyhow::bail!("not built yet")
+Folders are searched for .jpg, .png, .tif, .ppm. A photo that cannot be used is noted and left out.
+Beside --out, NAME.lfd.checkpoint holds the last whole epoch until training is finished, and NAME.lfd.log.jsonl
+one line an epoch.")]
+pub struct Args {
+    /// Photos, or folders of photos
+    #[arg(required = true, value_name = "PHOTO")]
+    photos: Vec<PathBuf>,
+    /// The dictionary to write
+    #[arg(long, value_name = "NAME.lfd")]
+    out: PathBuf,
+    /// All parameters from a JSON file; options given here override it
+    #[arg(long, value_name = "FILE")]
+    parameters: Option<PathBuf>,
+    /// Atoms
+    #[arg(long, value_name = "K")]
+    atoms: Option<usize>,
+    /// Side of a patch, pixels
+    #[arg(long, value_name = "P")]
+    patch: Option<usize>,
+    /// λ
+    #[arg(long, value_name = "L")]
+    lambda: Option<f32>,
+    /// Learning algorithm
+    #[arg(long, value_parser = ["ksvd", "online", "ista"])]
+    algorithm: Option<String>,
+    /// Learn Dl alone, then Dh by least squares
+    #[arg(long)]
+    low_first: bool,
+    /// Epochs of learning
+    #[arg(long, value_name = "N")]
+    epochs: Option<usize>,
+    /// Epochs of refinement of Dl and Dh together
+    #[arg(long, value_name = "N")]
+    refine: Option<usize>,
+    /// Training pairs
+    #[arg(long, value_name = "N")]
+    pairs: Option<usize>,
+    /// Anchored regressors of the fast path (0: none)
+    #[arg(long, value_name = "N")]
+    anchors: Option<usize>,
+    /// Photos are shrunk by this first
+    #[arg(long, value_name = "F")]
+    shrink: Option<f64>,
+    /// Standard deviation of noise on the samples, of the range 0..1
+    #[arg(long, value_name = "S")]
+    noise: Option<f32>,
+    /// Footprints of the samples, one model each
+    #[arg(long, value_delimiter = ',', value_parser = ["point", "lenslet"])]
+    footprint: Vec<String>,
+    /// Lattice (pitch, rotation) as this calibration's, for views 1080 pixels wide
+    #[arg(long, value_name = "CAM.calib")]
+    calibration: Option<PathBuf>,
+    /// Seed
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// Go on from NAME.lfd.checkpoint
+    #[arg(long)]
+    resume: bool,
+    /// Replace an existing dictionary
+    #[arg(long)]
+    force: bool,
+}
+
+fn parameters(args: &Args) -> anyhow::Result<Parameters> {
+    let mut p = match &args.parameters {
+        None => Parameters::default(),
+        Some(path) => {
+            let name = path.display();
+            let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {name}"))?;
+            serde_json::from_str(&text).with_context(|| format!("{name} holds no training parameters"))?
+        }
+    };
+    fn set<T: Copy>(to: &mut T, from: Option<T>) {
+        if let Some(value) = from {
+            *to = value;
+        }
+    }
+    set(&mut p.atoms, args.atoms);
+    set(&mut p.patch, args.patch);
+    if let Some(patch) = args.patch {
+        p.window = patch.max(3);
+    }
+    set(&mut p.lambda, args.lambda);
+    set(&mut p.epochs, args.epochs);
+    set(&mut p.refine, args.refine);
+    set(&mut p.pairs, args.pairs);
+    set(&mut p.anchors, args.anchors);
+    set(&mut p.shrink, args.shrink);
+    set(&mut p.noise, args.noise);
+    set(&mut p.seed, args.seed);
+    match args.algorithm.as_deref() {
+        Some("ksvd") => p.algorithm = Algorithm::Ksvd,
+        Some("online") => p.algorithm = Algorithm::Online,
+        Some("ista") => p.algorithm = Algorithm::Ista,
+        _ => {}
+    }
+    if args.low_first {
+        p.coupling = Coupling::Low;
+    }
+    if !args.footprint.is_empty() {
+        p.footprints.clear();
+        for name in &args.footprint {
+            let footprint = if name == "point" { Footprint::Point } else { Footprint::Lenslet };
+            if p.footprints.contains(&footprint) {
+                return Err(Usage(format!("--footprint names {name} twice")).into());
+            }
+            p.footprints.push(footprint);
+        }
+    }
+    if let Some(path) = &args.calibration {
+        let calibration = lenslet_core::calibration::load(path)?;
+        let (w, h) = (calibration.width, calibration.height);
+        p.pitch = calibration.lattice.pitch() * 1080.0 / w.max(h).max(1) as f64;
+        p.rotation = calibration.lattice.rotation();
+    }
+    p.check().map_err(|e| Usage(e.to_string()))?;
+    Ok(p)
+}
+
+pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
+    let parameters = parameters(args)?;
+    // Known at once rather than after minutes of training.
+    if args.out.exists() && !args.force {
+        return Err(output::Error::Exists(args.out.clone()).into());
+    }
+    let beside = |ending: &str| {
+        let mut name = args.out.clone().into_os_string();
+        name.push(ending);
+        PathBuf::from(name)
+    };
+    let (checkpoint, log) = (beside(".checkpoint"), beside(".log.jsonl"));
+    if args.resume && !checkpoint.exists() {
+        anyhow::bail!("{} does not exist: nothing to resume; start without --resume", checkpoint.display());
+    }
+    let open = std::fs::OpenOptions::new().create(true).write(true).append(args.resume).truncate(!args.resume).open(&log);
+    let mut log = open.with_context(|| format!("cannot write {}", log.display()))?;
+    let mut lost = None;
+    let mut line = |epoch: &lenslet_train::Epoch| {
+        let written = serde_json::to_string(epoch).map_err(std::io::Error::other);
+        if let Err(e) = written.and_then(|text| writeln!(log, "{text}")) {
+            lost = Some(e);
+        }
+    };
+    let outcome = train(&args.photos, &parameters, Some(&checkpoint), args.resume, &context.progress, &mut line);
+    let outcome = match outcome {
+        Err(lenslet_train::Error::Interrupted) => return Err(Interrupted.into()),
+        other => other?,
+    };
+    if let Some(e) = lost {
+        return Err(anyhow::Error::new(e).context("the log of epochs could not be written"));
+    }
+    dictionary::save(&args.out, &outcome.dictionary, args.force)?;
+    // Its work is done; a leftover would only be in the way.
+    let _ = std::fs::remove_file(&checkpoint);
+
+    let bytes = std::fs::metadata(&args.out).map(|m| m.len()).unwrap_or(0);
+    let scores = &outcome.dictionary.recipe.scores;
+    let photos = outcome.dictionary.recipe.photos.len();
+    let text = format!(
+        "{}: {} atoms from {photos} photos ({} left out), {bytes} bytes\n{}",
+        args.out.display(),
+        parameters.atoms,
+        outcome.skipped.len(),
+        serde_json::to_string(scores)?
+    );
+    let json = json!({
+        "out": args.out.display().to_string(), "bytes": bytes, "photos": photos, "skipped": outcome.skipped,
+        "parameters": parameters, "scores": scores, "epochs": outcome.trace,
+    });
+    Ok(Outcome { json, text })
 }

@@ -1,0 +1,163 @@
+//! Scores every method on photos sampled like a lenslet camera's view:
+//! `cargo run --release --example hex_psnr -- [--dictionary FILE] [--footprint point|lenslet] [--seed N] IMAGE…`
+//!
+//! Crops each image to at most 1080×1080, samples its luminance on a hexagonal grid of pitch 1080/328 px, rotation 0.002
+//! rad, random phase, reconstructs by every method, and prints one JSON object; 12 px of border are left out.
+//! For tables of quality against time: --only NAME,NAME --step N --ensemble N --lambda L --passes N.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, anyhow, bail, ensure};
+use lenslet::infer::{Measured, Mode, Options, Reconstructor, back_project, embedded};
+use lenslet_core::dictionary::{self, Dictionary, Footprint};
+use lenslet_core::metrics::{self, Window};
+use lenslet_core::sampling::{self, Cubic, DEFAULT_PITCH, DEFAULT_ROTATION, Weights, bicubic, lattice_samples};
+use lenslet_data_gen::pairs::load_photo;
+use ndarray::{Array2, ArrayView2, Axis, s};
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+use serde_json::{Value, json};
+
+const SIDE: usize = 1080;
+const BORDER: usize = 12;
+
+struct Arguments {
+    dictionary: Dictionary,
+    options: Options,
+    seed: u64,
+    only: Option<Vec<String>>,
+    images: Vec<PathBuf>,
+}
+
+fn arguments() -> anyhow::Result<Arguments> {
+    let mut options = Options { footprint: Footprint::Point, ..Options::default() };
+    let (mut file, mut seed, mut only, mut images) = (None, 1, None, Vec::new());
+    let mut arguments = std::env::args().skip(1);
+    while let Some(argument) = arguments.next() {
+        let mut value = || arguments.next().ok_or_else(|| anyhow!("{argument} needs a value"));
+        match argument.as_str() {
+            "--dictionary" => file = Some(value()?),
+            "--footprint" => {
+                options.footprint = match value()?.as_str() {
+                    "point" => Footprint::Point,
+                    "lenslet" => Footprint::Lenslet,
+                    other => bail!("footprint {other}: point or lenslet"),
+                }
+            }
+            "--seed" => seed = value()?.parse().context("--seed takes a number")?,
+            "--step" => options.step = Some(value()?.parse().context("--step takes a number")?),
+            "--lambda" => options.lambda = Some(value()?.parse().context("--lambda takes a number")?),
+            "--ensemble" => options.ensemble = Some(value()?.parse().context("--ensemble takes a number")?),
+            "--passes" => options.passes = Some(value()?.parse().context("--passes takes a number")?),
+            "--only" => only = Some(value()?.split(',').map(String::from).collect()),
+            other if other.starts_with("--") => bail!("unknown option {other}"),
+            _ => images.push(PathBuf::from(argument)),
+        }
+    }
+    ensure!(!images.is_empty(), "usage: hex_psnr [--dictionary FILE] [--footprint point|lenslet] [--seed N] IMAGE…");
+    let dictionary = match file {
+        Some(file) => dictionary::load(Path::new(&file))?,
+        None => embedded()?,
+    };
+    Ok(Arguments { dictionary, options, seed, only, images })
+}
+
+fn score(result: &Array2<f32>, truth: &Array2<f32>) -> anyhow::Result<(f64, f64)> {
+    let (h, w) = truth.dim();
+    let inner = s![BORDER..h - BORDER, BORDER..w - BORDER];
+    let result = result.slice(inner).mapv(|v| v.clamp(0.0, 1.0));
+    let truth = truth.slice(inner);
+    let psnr = metrics::psnr(result.view().into_dyn(), truth.into_dyn())?;
+    Ok((psnr, metrics::ssim(result.view(), truth, Window::Gaussian)?))
+}
+
+fn plane(values: ndarray::Array3<f32>) -> Array2<f32> {
+    values.index_axis_move(Axis(2), 0).as_standard_layout().into_owned()
+}
+
+/// Every method's result and the wall seconds it took.
+fn methods(truth: ArrayView2<'_, f32>, a: &Arguments, index: u64) -> anyhow::Result<Vec<(String, Array2<f32>, f64)>> {
+    let (h, w) = truth.dim();
+    let mut rng = ChaCha8Rng::seed_from_u64(a.seed);
+    rng.set_stream(index);
+    let phase = [rng.random::<f64>(), rng.random::<f64>()];
+    let footprint = match a.options.footprint {
+        Footprint::Lenslet => sampling::Footprint::Disc(DEFAULT_PITCH),
+        _ => sampling::Footprint::Point,
+    };
+    let (placed, values) =
+        lattice_samples(truth.insert_axis(Axis(2)), DEFAULT_PITCH, DEFAULT_ROTATION, phase, footprint)?;
+    let wanted = |name: &str| a.only.as_ref().is_none_or(|only| only.iter().any(|o| o == name));
+    let mut results = Vec::new();
+    let mut add = |name: &str, make: &mut dyn FnMut() -> anyhow::Result<Array2<f32>>| -> anyhow::Result<()> {
+        if wanted(name) {
+            let began = std::time::Instant::now();
+            let result = make()?;
+            results.push((name.to_string(), result, began.elapsed().as_secs_f64()));
+        }
+        Ok(())
+    };
+    add("bicubic", &mut || {
+        let native = |n: usize| ((n as f64 / DEFAULT_PITCH).round() as usize).max(1);
+        let low = Weights::new(&placed.centres, (w, h), (native(w), native(h)))?.apply(values.view())?;
+        Ok(plane(bicubic::resize(low.view(), w, h)?))
+    })?;
+    let low = plane(Weights::new(&placed.centres, (w, h), (w, h))?.apply(values.view())?);
+    add("barycentric", &mut || Ok(low.clone()))?;
+    add("cubic", &mut || Ok(plane(Cubic::new(&placed.centres, (w, h), (w, h))?.apply(values.view())?)))?;
+    let modes =
+        [("ridge", Mode::Ridge), ("learned", Mode::Learned), ("fast", Mode::Fast), ("best", Mode::Best)];
+    for (name, mode) in modes {
+        let reconstructor = Reconstructor::new(&a.dictionary, &Options { mode, ..a.options.clone() })?;
+        add(name, &mut || Ok(reconstructor.plane(low.view())?))?;
+    }
+    // The default and the best again, with the measured samples kept true.
+    for (name, from) in [("learned_true", "learned"), ("best_true", "best")] {
+        if let Some(k) = results.iter().position(|r| r.0 == from)
+            && wanted(name)
+        {
+            let began = std::time::Instant::now();
+            let measured = Measured::new(placed.centres.clone(), a.options.footprint, DEFAULT_PITCH, (w, h))?;
+            let (result, _) = back_project(&results[k].1, &measured, values.column(0), 3, 0.0)?;
+            results.push((name.to_string(), result, began.elapsed().as_secs_f64()));
+        }
+    }
+    Ok(results)
+}
+
+#[allow(clippy::print_stdout)]
+fn main() -> anyhow::Result<()> {
+    let arguments = arguments()?;
+    let mut sums: BTreeMap<String, [f64; 3]> = BTreeMap::new();
+    let mut order = Vec::new();
+    let mut images = Vec::new();
+    for (index, path) in arguments.images.iter().enumerate() {
+        let photo = load_photo(path, 2 * BORDER + 16)?;
+        let (h, w) = photo.luminance.dim();
+        let truth = photo.luminance.slice(s![..h.min(SIDE), ..w.min(SIDE)]).to_owned();
+        let mut entry = serde_json::Map::new();
+        entry.insert("file".into(), path.display().to_string().into());
+        for (name, result, seconds) in methods(truth.view(), &arguments, index as u64)? {
+            let (psnr, ssim) = score(&result, &truth)?;
+            entry.insert(name.clone(), json!({ "psnr": psnr, "ssim": ssim }));
+            let sum = sums.entry(name.clone()).or_insert_with(|| {
+                order.push(name);
+                [0.0; 3]
+            });
+            for (s, v) in sum.iter_mut().zip([psnr, ssim, seconds]) {
+                *s += v / arguments.images.len() as f64;
+            }
+        }
+        images.push(Value::Object(entry));
+    }
+    let mean: serde_json::Map<String, Value> = order
+        .into_iter()
+        .map(|name| {
+            let [psnr, ssim, seconds] = sums[&name];
+            (name, json!({ "psnr": psnr, "ssim": ssim, "seconds": seconds }))
+        })
+        .collect();
+    println!("{}", json!({ "mean": mean, "images": images }));
+    Ok(())
+}

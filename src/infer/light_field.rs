@@ -1,0 +1,69 @@
+//! Whole light fields, view after view.
+
+use lenslet_core::dictionary;
+use lenslet_core::lightfield::{ColourSpace, Meta, ViewSink, ViewSource, colour};
+use lenslet_core::progress::Observer;
+use lenslet_core::sampling::bicubic;
+use ndarray::Array3;
+
+use super::Reconstructor;
+
+/// What is done to a view before it is reconstructed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Enlargement {
+    /// Nothing: the view has its final size.
+    None,
+    /// Bicubic enlargement by this factor, 1 to 16; sides are rounded.
+    Bicubic(f64),
+}
+
+impl Enlargement {
+    /// The size (t, s) of a view of `size`.
+    #[must_use]
+    pub fn size(self, size: [usize; 2]) -> [usize; 2] {
+        match self {
+            Enlargement::None => size,
+            Enlargement::Bicubic(f) => size.map(|n| ((n as f64 * f).round() as usize).max(1)),
+        }
+    }
+
+    fn apply(self, view: Array3<f32>) -> anyhow::Result<Array3<f32>> {
+        let (h, w, _) = view.dim();
+        let [rows, columns] = self.size([h, w]);
+        if (rows, columns) == (h, w) { Ok(view) } else { Ok(bicubic::resize(view.view(), columns, rows)?) }
+    }
+}
+
+/// Reconstructs every view of `source` into `sink`, which takes values in colour space `to`. One view at a time in memory.
+///
+/// # Errors
+/// Views that cannot be read or written, a factor out of range, interruption ([`dictionary::Error::Interrupted`]).
+pub fn light_field(
+    source: &dyn ViewSource,
+    sink: &mut dyn ViewSink,
+    to: ColourSpace,
+    reconstructor: &Reconstructor,
+    enlargement: Enlargement,
+    observer: &dyn Observer,
+) -> anyhow::Result<()> {
+    if let Enlargement::Bicubic(f) = enlargement {
+        anyhow::ensure!((1.0..=16.0).contains(&f), "views cannot be enlarged by {f} (1 to 16)");
+    }
+    let meta: &Meta = source.meta();
+    let [rows, columns] = meta.views;
+    observer.begin("learned reconstruction", (rows * columns) as u64);
+    for v in 0..rows {
+        for u in 0..columns {
+            if observer.cancelled() {
+                return Err(dictionary::Error::Interrupted.into());
+            }
+            let mut view = source.read(v, u)?;
+            colour::convert(&mut view, meta.colour, ColourSpace::Srgb);
+            let mut sharp = reconstructor.view(&enlargement.apply(view)?)?;
+            colour::convert(&mut sharp, ColourSpace::Srgb, to);
+            sink.write(v, u, &sharp)?;
+            observer.advance(1);
+        }
+    }
+    Ok(())
+}
