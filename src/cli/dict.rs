@@ -1,11 +1,117 @@
 //! `lenslet dict`
 
-use super::{Context, Outcome};
+use std::path::{Path, PathBuf};
 
-/// dict
+use lenslet::infer;
+use lenslet_core::dictionary::{self, Dictionary};
+use serde_json::{Value, json};
+
+use super::{Context, Outcome, Usage};
+
+/// Look into dictionaries and export them
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+pub struct Args {
+    #[command(subcommand)]
+    action: Action,
+}
 
-pub fn run(_args: &Args, _context: &Context) -> anyhow::Result<Outcome> {
-    anyhow::bail!("not built yet")
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    /// Say what a dictionary holds and how it was made
+    #[command(after_help = "Example: lenslet dict show default")]
+    Show {
+        /// Dictionary file, or a name (default: the embedded one)
+        dictionary: PathBuf,
+    },
+    /// Write the matrices for other tools
+    #[command(after_help = "\
+Example: lenslet dict export default --out default.safetensors
+         lenslet dict export mine.lfd --out mine-npy/
+
+A .safetensors file, or a folder of .npy files with dictionary.json. Names are MODEL.PASS.MATRIX.")]
+    Export {
+        /// Dictionary file, or a name (default: the embedded one)
+        dictionary: PathBuf,
+        /// What to write: a name ending in .safetensors, or a folder
+        #[arg(long, value_name = "PATH")]
+        out: PathBuf,
+        /// Replace what stands at --out
+        #[arg(long)]
+        force: bool,
+    },
+}
+
+/// A dictionary by name or file: `default` is the embedded one; another name without folders is also looked for as
+/// NAME.lfd in `dictionaries/` here.
+pub fn find(name: &Path) -> anyhow::Result<Dictionary> {
+    if name.as_os_str() == "default" {
+        return Ok(infer::embedded()?);
+    }
+    let shelf = Path::new("dictionaries").join(name).with_extension("lfd");
+    if !name.exists() && name.components().count() == 1 && shelf.exists() {
+        return Ok(dictionary::load(&shelf)?);
+    }
+    Ok(dictionary::load(name)?)
+}
+
+/// What `dict show` and `info` say of a dictionary.
+pub fn describe(dictionary: &Dictionary) -> (Value, String) {
+    let mut text = format!(
+        "{}, {}, seed {}, {} photos\n",
+        dictionary.recipe.tool,
+        dictionary.recipe.algorithm,
+        dictionary.recipe.seed,
+        dictionary.recipe.photos.len()
+    );
+    let mut models = Vec::new();
+    for model in &dictionary.models {
+        let mut passes = Vec::new();
+        for (n, pass) in model.passes.iter().enumerate() {
+            let anchors = pass.anchored.as_ref().map_or(0, |a| a.anchors.nrows());
+            text.push_str(&format!(
+                "{} on {}, pitch {:.4}, pass {}: {} atoms, {} features of {}x{} pixels, patches of {}x{}, λ {}, {anchors} anchors\n",
+                model.footprint, model.base, model.pitch, n + 1, pass.low.nrows(), pass.low.ncols(),
+                pass.support, pass.support, pass.patch, pass.patch, pass.lambda
+            ));
+            passes.push(json!({
+                "atoms": pass.low.nrows(), "features": pass.low.ncols(), "support": pass.support, "patch": pass.patch,
+                "lambda": pass.lambda, "floor": pass.floor, "with_linear": pass.with_linear, "anchors": anchors,
+            }));
+        }
+        models.push(json!({
+            "footprint": model.footprint, "base": model.base, "pitch": model.pitch, "passes": passes,
+        }));
+    }
+    for (name, score) in &dictionary.recipe.scores {
+        text.push_str(&format!("{name}: {score}\n"));
+    }
+    let json = json!({ "kind": "dictionary", "models": models, "recipe": dictionary.recipe });
+    (json, text)
+}
+
+pub fn run(args: &Args, _context: &Context) -> anyhow::Result<Outcome> {
+    match &args.action {
+        Action::Show { dictionary } => {
+            let (json, text) = describe(&find(dictionary)?);
+            Ok(Outcome { json, text })
+        }
+        Action::Export { dictionary, out, force } => {
+            let found = find(dictionary)?;
+            let ending = out.extension().map(|e| e.to_string_lossy().to_lowercase());
+            match ending.as_deref() {
+                Some("safetensors") => dictionary::export_safetensors(out, &found, *force)?,
+                None => dictionary::export_npy(out, &found, *force)?,
+                Some("npy") if out.extension().is_some() => {
+                    return Err(
+                        Usage("--out: .npy files go into a folder; give its name without an ending".into()).into()
+                    );
+                }
+                Some(other) => {
+                    return Err(Usage(format!("--out ends in .{other}: give NAME.safetensors, or a folder")).into());
+                }
+            }
+            let out = out.display().to_string();
+            Ok(Outcome { json: json!({ "out": out }), text: out })
+        }
+    }
 }

@@ -1,11 +1,145 @@
 //! `lenslet gen-pairs`
 
-use super::{Context, Outcome};
+use std::path::PathBuf;
 
-/// gen-pairs
+use lenslet_core::dictionary::{Footprint, Photo};
+use lenslet_core::output;
+use lenslet_core::progress::Observer;
+use lenslet_data_gen::pairs::{self, Crop, Degradation, Manifest, PatchOptions};
+use serde_json::json;
+
+use super::{Context, Outcome, Usage};
+
+/// Cut training pairs out of photos
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(after_help = "\
+Example: lenslet gen-pairs my-photos/ --out pairs/ --pairs 50000
 
-pub fn run(_args: &Args, _context: &Context) -> anyhow::Result<Outcome> {
-    anyhow::bail!("not built yet")
+Writes features.npy (N x m), residuals.npy (N x patch²), filters.npy (m x (window+4)²) and manifest.json. A feature
+vector is filters times the window of the interpolated image; a residual is sharp minus interpolated. Neither is
+normalised: training divides both by max(norm of the features, 0.05).")]
+pub struct Args {
+    /// Photos, or folders of photos
+    #[arg(required = true, value_name = "PHOTO")]
+    photos: Vec<PathBuf>,
+    /// The folder to write
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Pairs, at most
+    #[arg(long, default_value_t = 100_000, value_name = "N")]
+    pairs: usize,
+    /// Side of a patch, pixels
+    #[arg(long, default_value_t = 9, value_name = "P")]
+    patch: usize,
+    /// Side of the window of the features, pixels
+    #[arg(long, default_value_t = 9, value_name = "P")]
+    window: usize,
+    /// Features kept
+    #[arg(long, default_value_t = 48, value_name = "M")]
+    features: usize,
+    /// Crops a photo
+    #[arg(long, default_value_t = 6, value_name = "N")]
+    crops: usize,
+    /// Side of a crop, pixels
+    #[arg(long, default_value_t = 256, value_name = "N")]
+    crop: usize,
+    /// Photos are shrunk by this first
+    #[arg(long, default_value_t = 1.5, value_name = "F")]
+    shrink: f64,
+    /// What a sample sees
+    #[arg(long, default_value = "lenslet", value_parser = ["point", "lenslet"])]
+    footprint: String,
+    /// Standard deviation of noise on the samples, of the range 0..1
+    #[arg(long, default_value_t = 0.0, value_name = "S")]
+    noise: f32,
+    /// Seed
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    seed: u64,
+    /// Replace an existing folder
+    #[arg(long)]
+    force: bool,
+}
+
+pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
+    if args.out.exists() && !args.force {
+        return Err(output::Error::Exists(args.out.clone()).into());
+    }
+    if !(1..=10_000_000).contains(&args.pairs)
+        || !(1..=10_000).contains(&args.crops)
+        || !(32..=4096).contains(&args.crop)
+    {
+        return Err(Usage("--pairs up to 10000000, --crops 1 to 10000, --crop 32 to 4096".into()).into());
+    }
+    let footprint = if args.footprint == "point" { Footprint::Point } else { Footprint::Lenslet };
+    let degradation = Degradation { footprint, noise: args.noise, ..Degradation::default() };
+    let files = pairs::find_photos(&args.photos)?;
+    let (mut crops, mut photos, mut skipped): (Vec<Crop>, Vec<Photo>, Vec<String>) = Default::default();
+    context.progress.begin("photos", files.len() as u64);
+    for path in &files {
+        context.progress.check()?;
+        context.progress.advance(1);
+        match pairs::load_photo(path, 64) {
+            Ok(photo) => {
+                let n = photos.len();
+                crops.extend(pairs::crops(&photo, n, args.crops, args.crop, args.shrink, &degradation, args.seed)?);
+                photos.push(Photo { file: photo.name, sha256: photo.sha256 });
+            }
+            Err(e) => {
+                let note = format!("left out: {e}");
+                context.progress.note(&note);
+                skipped.push(note);
+            }
+        }
+    }
+    if crops.is_empty() {
+        anyhow::bail!("none of {} files is a usable photo: {}", files.len(), skipped.join("; "));
+    }
+    context.progress.begin("pairs", 0);
+    let (filters, kept) = pairs::learn_filters(&crops, args.window, args.features)?;
+    let options = PatchOptions {
+        patch: args.patch,
+        window: args.window,
+        per_crop: args.pairs.div_ceil(crops.len()),
+        seed: args.seed,
+        ..PatchOptions::default()
+    };
+    let pairs = pairs::pairs(&crops, &filters, &options)?;
+    let mut pairs_of_photo = vec![0; photos.len()];
+    pairs.photos.iter().for_each(|&p| pairs_of_photo[p as usize] += 1);
+    let manifest = Manifest {
+        version: 1,
+        tool: format!("lenslet {}", env!("CARGO_PKG_VERSION")),
+        pairs: pairs.features.nrows(),
+        arrays: json!({
+            "features.npy": "N x m, filters times the window of the interpolated luminance (sRGB-encoded, 0..1)",
+            "residuals.npy": "N x patch², sharp minus interpolated, rows first",
+            "filters.npy": "m x (window+4)², rows sum to zero",
+            "normalisation": "none; training divides both by max(norm of the features, 0.05)",
+        }),
+        parameters: json!({
+            "patch": args.patch, "window": args.window, "features": args.features, "energy_kept": kept,
+            "crops": args.crops, "crop": args.crop, "shrink": args.shrink, "footprint": args.footprint,
+            "base": degradation.base, "pitch": degradation.pitch, "rotation": degradation.rotation,
+            "noise": args.noise, "flat": options.flat, "seed": args.seed, "generator": "ChaCha8",
+        }),
+        photos,
+        pairs_of_photo,
+        skipped,
+    };
+    context.progress.check()?;
+    pairs::write(&args.out, &pairs, &filters, &manifest, args.force)?;
+    let text = format!(
+        "{}: {} pairs from {} photos ({} left out), {:.1} % of the gradients' energy in {} features",
+        args.out.display(),
+        manifest.pairs,
+        manifest.photos.len(),
+        manifest.skipped.len(),
+        100.0 * kept,
+        args.features
+    );
+    let json = json!({
+        "out": args.out.display().to_string(), "pairs": manifest.pairs, "photos": manifest.photos.len(),
+        "skipped": manifest.skipped, "energy_kept": kept,
+    });
+    Ok(Outcome { json, text })
 }

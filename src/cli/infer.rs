@@ -1,11 +1,138 @@
 //! `lenslet infer`
 
-use super::{Context, Outcome};
+use std::path::PathBuf;
 
-/// infer
+use lenslet::infer::{self, Enlargement, Mode, Options, Reconstructor};
+use lenslet_core::dictionary::{self, Footprint};
+use lenslet_core::lightfield::{self, ColourSpace, Format, ReadOptions};
+use lenslet_core::progress::Observer;
+use serde_json::json;
+
+use super::{Context, Interrupted, Outcome, Usage, dict, score};
+
+/// Learned reconstruction of a light field
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(after_help = "\
+Example: lenslet infer barycentric.lf --out learned.lf
+         lenslet infer other-tool/ --out sharp/ --scale 3
+         lenslet infer rectified.eslf.png --views 14 --out sharp.npy --fast
 
-pub fn run(_args: &Args, _context: &Context) -> anyhow::Result<Outcome> {
-    anyhow::bail!("not built yet")
+Light fields decoded by lenslet have their final size already. Those of other tools are enlarged first, bicubically, by
+--scale (default: the dictionary's pitch, rounded), as if each of their pixels were a sample.")]
+pub struct Args {
+    /// The light field, in any format that convert reads
+    input: PathBuf,
+    /// What to write
+    #[arg(long, value_name = "LF2")]
+    out: PathBuf,
+    /// Dictionary: a file, or a name (default: the embedded one)
+    #[arg(long, default_value = "default", value_name = "NAME|FILE")]
+    dictionary: PathBuf,
+    /// Anchored regressors instead of LASSO codes: faster
+    #[arg(long)]
+    fast: bool,
+    /// Anchored regressors on every pixel's patch, averaged over mirrored copies: slower
+    #[arg(long, conflicts_with = "fast")]
+    best: bool,
+    /// What a sample of the light field saw
+    #[arg(long, default_value = "lenslet", value_parser = ["point", "lenslet"])]
+    footprint: String,
+    /// Enlarge the views by this first
+    #[arg(long, value_name = "N")]
+    scale: Option<f64>,
+    /// Pixels between patches
+    #[arg(long, value_name = "N")]
+    step: Option<usize>,
+    /// λ instead of the trained one
+    #[arg(long, value_name = "L")]
+    lambda: Option<f32>,
+    /// Format to write (default: by the ending of --out)
+    #[arg(long, value_parser = ["dir", "npy", "mat", "eslf"])]
+    format: Option<String>,
+    /// Views (N or ROWSxCOLUMNS) of a lenslet picture, or of pictures numbered in a row
+    #[arg(long, value_name = "N", value_parser = score::parse_views)]
+    views: Option<[usize; 2]>,
+    /// The input holds linear light, and does not say so itself
+    #[arg(long)]
+    input_linear: bool,
+    /// Write linear light (default: sRGB-encoded values)
+    #[arg(long)]
+    linear: bool,
+    /// Replace what stands at --out
+    #[arg(long)]
+    force: bool,
+}
+
+pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
+    if args.scale.is_some_and(|s| !(1.0..=16.0).contains(&s)) {
+        return Err(Usage("--scale must be 1 to 16".into()).into());
+    }
+    if args.lambda.is_some_and(|l| !(0.0..=1.0).contains(&l)) || args.step == Some(0) {
+        return Err(Usage("--lambda must be 0 to 1, and --step at least 1".into()).into());
+    }
+    let found = dict::find(&args.dictionary)?;
+    let mode = match (args.fast, args.best) {
+        (true, _) => Mode::Fast,
+        (_, true) => Mode::Best,
+        _ => Mode::Learned,
+    };
+    let footprint = if args.footprint == "point" { Footprint::Point } else { Footprint::Lenslet };
+    let options = Options { mode, footprint, step: args.step, lambda: args.lambda, ..Options::default() };
+    let reconstructor = Reconstructor::new(&found, &options)?;
+    let model = reconstructor.model();
+    if model.footprint != footprint {
+        context
+            .progress
+            .note(&format!("the dictionary has no model for {footprint} samples; {} is used", model.footprint));
+    }
+
+    let colour = args.input_linear.then_some(ColourSpace::Linear);
+    let source = lightfield::open(&args.input, &ReadOptions { views: args.views, colour, ..ReadOptions::default() })?;
+    let mut meta = source.meta().clone();
+    let scale = match (args.scale, meta.pitch) {
+        (Some(scale), _) => scale,
+        (None, Some(_)) => 1.0,
+        (None, None) => model.pitch.round().max(1.0),
+    };
+    let pitch = scale * meta.pitch.unwrap_or(1.0);
+    if (pitch / model.pitch - 1.0).abs() > 0.15 {
+        context.progress.note(&format!(
+            "samples lie {pitch:.2} pixels apart, the dictionary learned {:.2}: expect less; choose --scale {:.2}",
+            model.pitch,
+            scale * model.pitch / pitch
+        ));
+    }
+    let enlargement = if scale == 1.0 { Enlargement::None } else { Enlargement::Bicubic(scale) };
+    meta.size = enlargement.size(meta.size);
+    meta.pitch = Some(pitch);
+    meta.colour = if args.linear { ColourSpace::Linear } else { ColourSpace::Srgb };
+    meta.method = Some("learned".into());
+    let name = args.input.file_name().map(|n| n.to_string_lossy().into_owned());
+    meta.provenance.push(json!({
+        "tool": "lenslet", "version": env!("CARGO_PKG_VERSION"), "command": "infer", "input": name,
+        "dictionary": args.dictionary.file_name().map(|n| n.to_string_lossy().into_owned()),
+        "mode": format!("{mode:?}").to_lowercase(), "footprint": model.footprint, "scale": scale,
+    }));
+    let format = match &args.format {
+        Some(name) => name.parse()?,
+        None => Format::of_name(&args.out),
+    };
+    let mut sink = lightfield::create(&args.out, meta.clone(), format, args.force)?;
+    let began = std::time::Instant::now();
+    let done = infer::light_field(&*source, &mut *sink, meta.colour, &reconstructor, enlargement, &context.progress);
+    if let Err(e) = done {
+        let interrupted = matches!(e.downcast_ref(), Some(dictionary::Error::Interrupted));
+        return Err(if interrupted { Interrupted.into() } else { e });
+    }
+    let seconds = began.elapsed().as_secs_f64();
+    context.progress.check()?;
+    sink.finish()?;
+    let ([rows, columns], [height, width]) = (meta.views, meta.size);
+    let out = args.out.display().to_string();
+    let text = format!("{out}: {rows}x{columns} views of {width}x{height} (enlarged by {scale}), {seconds:.1} s");
+    let json = json!({
+        "out": out, "views": meta.views, "size": meta.size, "scale": scale, "seconds": seconds,
+        "footprint": model.footprint, "mode": format!("{mode:?}").to_lowercase(),
+    });
+    Ok(Outcome { json, text })
 }

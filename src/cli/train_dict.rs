@@ -152,7 +152,8 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if args.resume && !checkpoint.exists() {
         anyhow::bail!("{} does not exist: nothing to resume; start without --resume", checkpoint.display());
     }
-    let open = std::fs::OpenOptions::new().create(true).write(true).append(args.resume).truncate(!args.resume).open(&log);
+    let open =
+        std::fs::OpenOptions::new().create(true).write(true).append(args.resume).truncate(!args.resume).open(&log);
     let mut log = open.with_context(|| format!("cannot write {}", log.display()))?;
     let mut lost = None;
     let mut line = |epoch: &lenslet_train::Epoch| {

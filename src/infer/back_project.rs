@@ -28,7 +28,7 @@ impl Measured {
         let table = Weights::new(&centres, size, size)?;
         let footprint = match footprint {
             Footprint::Lenslet => sampling::Footprint::Disc(pitch),
-            Footprint::Point | Footprint::Grid => sampling::Footprint::Point,
+            Footprint::Point | Footprint::Grid => sampling::Footprint::Bilinear,
         };
         Ok(Measured { centres, table, footprint })
     }
@@ -99,9 +99,10 @@ mod tests {
 
     #[test]
     fn samples_come_back() {
-        let truth = Array2::from_shape_fn((80, 90), |(y, x)| 0.5 + 0.2 * (x as f32 * 0.5).sin() * (y as f32 * 0.4).cos());
+        let truth =
+            Array2::from_shape_fn((80, 90), |(y, x)| 0.5 + 0.2 * (x as f32 * 0.5).sin() * (y as f32 * 0.4).cos());
         for (footprint, core, tolerance) in [
-            (Footprint::Point, sampling::Footprint::Point, 0.01),
+            (Footprint::Point, sampling::Footprint::Bilinear, 0.01),
             (Footprint::Lenslet, sampling::Footprint::Disc(3.3), 0.02),
         ] {
             let (placed, values) =

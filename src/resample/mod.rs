@@ -7,6 +7,7 @@ pub mod barycentric;
 pub mod bicubic;
 pub mod cubic;
 pub mod encode;
+pub mod learned;
 pub mod multiview;
 
 use std::fmt;
@@ -101,11 +102,16 @@ pub fn pitch(samples: &HexSamples) -> f64 {
 pub struct RenderOptions {
     /// What learned reconstruction starts from.
     pub base: Method,
+    /// Dictionary of learned reconstruction; the embedded one when absent.
+    pub dictionary: Option<lenslet_core::dictionary::Dictionary>,
+    /// How learned reconstruction works.
+    pub infer: crate::infer::Options,
 }
 
 impl Default for RenderOptions {
     fn default() -> Self {
-        RenderOptions { base: Method::Cubic }
+        // Barycentric views are what the embedded dictionary was trained on.
+        RenderOptions { base: Method::Barycentric, dictionary: None, infer: crate::infer::Options::default() }
     }
 }
 
@@ -120,7 +126,7 @@ pub fn render(
     samples: &HexSamples,
     target: &Target,
     method: Method,
-    _options: &RenderOptions,
+    options: &RenderOptions,
     sink: Sink<'_>,
     observer: &dyn Observer,
 ) -> anyhow::Result<()> {
@@ -138,9 +144,7 @@ pub fn render(
             each_view(samples, sink, observer, &mut |values| cubic::view(&prepared, values))
         }
         Method::Multiview => multiview::render(samples, target, &multiview::Options::default(), sink, observer),
-        Method::Learned => {
-            anyhow::bail!("the method {method} is not part of this build")
-        }
+        Method::Learned => learned::render(samples, target, options, sink, observer),
     }
 }
 

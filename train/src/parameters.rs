@@ -34,8 +34,8 @@ pub enum Coupling {
 /// | `atoms` | 512 | atoms K of Dl and Dh | 2 … 8192 |
 /// | `patch` | 9 | side of a residual patch, pixels | odd, 3 … 25 |
 /// | `window` | 9 | side of the window whose gradients are features | odd, 3 … 25, ≥ patch − 4 |
-/// | `features` | 40 | principal components kept, m | 2 … (window+4)² − 1 |
-/// | `lambda` | 0.1 | λ of eq. (3) and (4), for unit signals | 0.001 … 0.9 |
+/// | `features` | 48 | principal components kept, m | 2 … (window+4)² − 1 |
+/// | `lambda` | 0.2 | λ of eq. (3) and (4), for unit signals | 0.001 … 0.9 |
 /// | `nonzeros` | 4 | non-zeros a pair of `ksvd` | 1 … 64 |
 /// | `algorithm` | online | see [`Algorithm`] | |
 /// | `coupling` | joint | see [`Coupling`] | |
@@ -100,8 +100,8 @@ impl Default for Parameters {
             atoms: 512,
             patch: 9,
             window: 9,
-            features: 40,
-            lambda: 0.1,
+            features: 48,
+            lambda: 0.2,
             nonzeros: 4,
             algorithm: Algorithm::Online,
             coupling: Coupling::Joint,

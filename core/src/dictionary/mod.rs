@@ -28,7 +28,7 @@ pub use reconstruct::{Options, Path, Reconstructor};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Footprint {
-    /// The image at the lenslet centre.
+    /// The image at the lenslet centre, interpolated bilinearly.
     Point,
     /// The mean over a disc one pitch in diameter.
     Lenslet,

@@ -27,6 +27,8 @@ pub struct Placed {
 pub enum Footprint {
     /// The image interpolated (bicubic) at the centre.
     Point,
+    /// The image interpolated bilinearly at the centre: a point seen through one pixel's width.
+    Bilinear,
     /// The mean over a disc of this diameter (pixels): one pitch for a lenslet.
     Disc(f64),
 }
@@ -103,6 +105,7 @@ pub fn sample_image(
     }
     let offsets = match footprint {
         Footprint::Point => Vec::new(),
+        Footprint::Bilinear => vec![[0.0, 0.0]],
         Footprint::Disc(diameter) => disc(diameter)?,
     };
     let mut values = Array2::zeros((centres.len(), channels));
@@ -224,7 +227,7 @@ mod tests {
     #[test]
     fn a_plane_is_sampled_exactly_by_both_footprints() {
         let image = Array3::from_shape_fn((40, 50, 2), |(t, s, c)| 0.01 * s as f32 - 0.02 * t as f32 + c as f32);
-        for footprint in [Footprint::Point, Footprint::Disc(3.3)] {
+        for footprint in [Footprint::Point, Footprint::Bilinear, Footprint::Disc(3.3)] {
             let (placed, values) = lattice_samples(image.view(), 3.3, 0.002, [0.3, 0.7], footprint).unwrap();
             let mut checked = 0;
             for (k, &[x, y]) in placed.centres.iter().enumerate() {

@@ -73,7 +73,7 @@ pub fn degrade(
     let phase = [rng.random::<f64>(), rng.random::<f64>()];
     let image = high.insert_axis(Axis(2));
     let footprint = match degradation.footprint {
-        Footprint::Point => sampling::Footprint::Point,
+        Footprint::Point => sampling::Footprint::Bilinear,
         Footprint::Lenslet => sampling::Footprint::Disc(degradation.pitch),
         Footprint::Grid => return grid(high, degradation, rng),
     };
