@@ -53,7 +53,15 @@ fn photos_become_a_dictionary_that_reconstructs() {
     )
     .unwrap();
     let trained = lenslet(&[
-        "train-dict", text(folder.path()), "--out", text(&out), "--parameters", text(&parameters), "--patch", "7", "--json",
+        "train-dict",
+        text(folder.path()),
+        "--out",
+        text(&out),
+        "--parameters",
+        text(&parameters),
+        "--patch",
+        "7",
+        "--json",
     ]);
     let error = String::from_utf8_lossy(&trained.stderr);
     assert!(trained.status.success(), "{error}");
@@ -85,7 +93,16 @@ fn photos_become_a_dictionary_that_reconstructs() {
     ndarray_npy::write_npy(at("field.npy"), &field).unwrap();
     for (mode, name) in [("--step=2", "a.npy"), ("--fast", "b.npy")] {
         let done = lenslet(&[
-            "infer", text(&at("field.npy")), "--out", text(&at(name)), "--dictionary", text(&out), mode, "--scale", "2", "--json",
+            "infer",
+            text(&at("field.npy")),
+            "--out",
+            text(&at(name)),
+            "--dictionary",
+            text(&out),
+            mode,
+            "--scale",
+            "2",
+            "--json",
         ]);
         assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
         let sharp: Array5<f32> = ndarray_npy::read_npy(at(name)).unwrap();
@@ -114,7 +131,18 @@ fn pairs_and_their_manifest() {
     let one = photo(folder.path(), 1);
     let out = folder.path().join("pairs");
     let made = lenslet(&[
-        "gen-pairs", text(&one), "--out", text(&out), "--pairs", "500", "--crop", "80", "--crops", "2", "--features", "20",
+        "gen-pairs",
+        text(&one),
+        "--out",
+        text(&out),
+        "--pairs",
+        "500",
+        "--crop",
+        "80",
+        "--crops",
+        "2",
+        "--features",
+        "20",
     ]);
     assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
     let manifest: serde_json::Value =
