@@ -1,0 +1,214 @@
+//! `lenslet decode` as a whole: one capture, several, a folder, bad ones among them, and what is left behind.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use lenslet_core::calibration::{self, Calibration, Lenslet, Vignetting};
+use lenslet_core::container::{self, CameraFacts, Capture, Cfa, ColourFacts, Levels, RawMosaic};
+use lenslet_core::decode::npz;
+use lenslet_core::lightfield::{self, ReadOptions};
+use lenslet_core::sampling::{hexagonal, place};
+
+const SIDE: usize = 120;
+
+/// A capture of a grey ramp and the calibration that fits it, both as files.
+fn camera(dir: &Path) -> (PathBuf, PathBuf) {
+    let lattice = hexagonal(10.0, 0.003, 1.0, [60.2, 59.7]);
+    let placed = place(&lattice, SIDE, SIDE).unwrap();
+    let pixels = || (0..SIDE * SIDE).map(|k| (k % SIDE, k / SIDE));
+    let capture = Capture {
+        mosaic: RawMosaic { width: SIDE, height: SIDE, data: pixels().map(|(x, _)| 600 + 20 * x as u16).collect() },
+        cfa: Cfa::Bggr,
+        levels: Levels { black: [168.0; 4], white: [4095.0; 4] },
+        colour: ColourFacts {
+            white_balance: [1.0; 4],
+            ccm: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            gamma: None,
+        },
+        camera: CameraFacts {
+            make: Some("Lytro, Inc.".into()),
+            model: Some("F01".into()),
+            serial: Some("A000000001".into()),
+            zoom_step: Some(900),
+            ..CameraFacts::default()
+        },
+        mla: None,
+        source_sha256: String::new(),
+        white: None,
+        warnings: Vec::new(),
+    };
+    let lfp = dir.join("ramp.lfp");
+    container::write_lfp(&lfp, &capture, false).unwrap();
+    let lenslets = placed.centres.iter().zip(&placed.index);
+    let mut camera = Calibration {
+        width: SIDE,
+        height: SIDE,
+        lattice,
+        lenslets: lenslets.map(|(c, i)| Lenslet { i: i[0], j: i[1], x: c[0], y: c[1], trust: 1.0 }).collect(),
+        quality: Default::default(),
+        vignetting: Some(Vignetting { width: SIDE, height: SIDE, white: vec![32768; SIDE * SIDE] }),
+        origin: Default::default(),
+    };
+    camera.origin.serial = Some("A000000001".into());
+    camera.origin.zoom_step = Some(700);
+    let calib = dir.join("near.calib");
+    calibration::save(&calib, &camera, false).unwrap();
+    (lfp, calib)
+}
+
+fn run(args: &[&Path]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_lenslet")).arg("decode").args(args).output().unwrap()
+}
+
+macro_rules! decode {
+    ($($arg:expr),* $(,)?) => { run(&[$(Path::new(&$arg)),*]) };
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[test]
+fn one_capture_to_a_folder_of_views_with_its_samples() {
+    let dir = tempfile::tempdir().unwrap();
+    let (lfp, calib) = camera(dir.path());
+    let out = dir.path().join("lf");
+    let done = decode!(
+        lfp,
+        "--calibration",
+        calib,
+        "--out",
+        out,
+        "--size",
+        "60",
+        "--method",
+        "barycentric",
+        "--linear",
+        "--json"
+    );
+    assert!(done.status.success(), "{}", said(&done));
+    let report: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
+    assert_eq!(report["views"], serde_json::json!([7, 7]));
+    let field = lightfield::load(&out, &ReadOptions::default()).unwrap();
+    assert_eq!(field.data.dim(), (7, 7, 60, 60, 3));
+    assert_eq!(field.meta.method.as_deref(), Some("barycentric"));
+    // The ramp: output pixel s looks at sensor x = 2s + 1/2.
+    for s in 10..50 {
+        let truth = (600.0 + 20.0 * (2.0 * s as f32 + 0.5) - 168.0) / (4095.0 - 168.0);
+        for c in 0..3 {
+            let got = field.data[[3, 3, 30, s, c]];
+            assert!((got - truth).abs() < 0.006, "column {s}: {got} for {truth}");
+        }
+    }
+    let samples = npz::load(&out.join(npz::SAMPLES)).unwrap();
+    assert_eq!((samples.sensor, samples.views), ((SIDE, SIDE), 7));
+    assert_eq!(report["lenslets"], samples.centres.len());
+    // Not twice, unless told; and nothing is left beside it.
+    let again = decode!(lfp, "--calibration", calib, "--out", out, "--size", "60");
+    assert_eq!(again.status.code(), Some(1));
+    assert!(said(&again).contains("--force"));
+    let forced = decode!(lfp, "--calibration", calib, "--out", out, "--size", "48x40", "--force", "--no-samples", "-q");
+    assert!(forced.status.success(), "{}", said(&forced));
+    assert!(said(&forced).is_empty());
+    assert!(!out.join(npz::SAMPLES).exists());
+    let names: Vec<_> = std::fs::read_dir(dir.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+    assert_eq!(names.len(), 3, "{names:?}");
+}
+
+#[test]
+fn one_file_formats_and_native_size_and_threads() {
+    let dir = tempfile::tempdir().unwrap();
+    let (lfp, calib) = camera(dir.path());
+    let out = dir.path().join("lf.npy");
+    let done = decode!(lfp, "--calibration", calib, "--out", out, "--size", "native", "--npy", "--threads", "1");
+    assert!(done.status.success(), "{}", said(&done));
+    let field = lightfield::load(&out, &ReadOptions::default()).unwrap();
+    assert_eq!(field.data.dim(), (7, 7, 12, 12, 3));
+    assert!(npz::load(&dir.path().join("lf.samples.npz")).is_ok());
+    let other = dir.path().join("other.npy");
+    let done = decode!(lfp, "--calibration", calib, "--out", other, "--size", "native", "--npy", "--threads", "3");
+    assert!(done.status.success(), "{}", said(&done));
+    assert_eq!(std::fs::read(&out).unwrap(), std::fs::read(&other).unwrap());
+}
+
+#[test]
+fn several_captures_one_of_them_bad() {
+    let dir = tempfile::tempdir().unwrap();
+    let (lfp, calib) = camera(dir.path());
+    let shots = dir.path().join("shots");
+    std::fs::create_dir(&shots).unwrap();
+    std::fs::copy(&lfp, shots.join("a.lfp")).unwrap();
+    std::fs::write(shots.join("b.lfp"), b"not a capture").unwrap();
+    std::fs::copy(&lfp, shots.join("c.lfp")).unwrap();
+    let out = dir.path().join("fields");
+    let first = decode!(shots, "--calibration", calib, "--out", out, "--size", "24", "--views", "3");
+    assert_eq!(first.status.code(), Some(1));
+    let words = said(&first);
+    assert!(words.contains("2 decoded, 0 there already, 1 failed") && words.contains("b.lfp"), "{words}");
+    assert!(out.join("a").is_dir() && out.join("c").is_dir() && !out.join("b").exists());
+    std::fs::remove_file(shots.join("b.lfp")).unwrap();
+    let second = decode!(shots, "--calibration", calib, "--out", out, "--size", "24", "--views", "3");
+    assert!(second.status.success(), "{}", said(&second));
+    assert!(String::from_utf8_lossy(&second.stdout).contains("0 decoded, 2 there already"));
+}
+
+#[test]
+fn the_calibration_is_chosen_with_its_reason() {
+    let dir = tempfile::tempdir().unwrap();
+    let (lfp, calib) = camera(dir.path());
+    let shelf = dir.path().join("shelf");
+    std::fs::create_dir(&shelf).unwrap();
+    let mut other = calibration::load(&calib).unwrap();
+    other.origin.zoom_step = Some(100);
+    calibration::save(&shelf.join("far.calib"), &other, false).unwrap();
+    std::fs::copy(&calib, shelf.join("near.calib")).unwrap();
+    std::fs::write(shelf.join("broken.calib"), b"no").unwrap();
+    let out = dir.path().join("lf");
+    let done = decode!(lfp, "--calibration", shelf, "--out", out, "--size", "24", "--views", "1");
+    let words = said(&done);
+    assert!(done.status.success(), "{words}");
+    assert!(words.contains("near.calib") && words.contains("nearest zoom 700 to 900"), "{words}");
+    assert!(words.contains("broken.calib"), "{words}");
+    // None of this camera: what was looked for, and what was there.
+    let empty = dir.path().join("strangers");
+    std::fs::create_dir(&empty).unwrap();
+    for serial in ["A7", "A8"] {
+        other.origin.serial = Some(serial.into());
+        calibration::save(&empty.join(format!("{serial}.calib")), &other, false).unwrap();
+    }
+    let none = decode!(lfp, "--calibration", empty, "--out", dir.path().join("no"), "--size", "24");
+    let words = said(&none);
+    assert_eq!(none.status.code(), Some(1));
+    assert!(words.contains("A000000001") && words.contains("A7") && words.lines().count() == 1, "{words}");
+}
+
+#[test]
+fn wrong_usage_is_exit_code_two_and_failures_are_one_line() {
+    let dir = tempfile::tempdir().unwrap();
+    let (lfp, calib) = camera(dir.path());
+    let out = dir.path().join("lf");
+    for bad in [
+        ["--views", "4"],
+        ["--view-step", "0"],
+        ["--size", "0"],
+        ["--method", "magic"],
+        ["--base", "cubic"],
+        ["--white-balance", "0,1,1"],
+        ["--without", "sense"],
+        ["--exposure", "99"],
+    ] {
+        let done = decode!(lfp, "--calibration", calib, "--out", out, bad[0], bad[1]);
+        assert_eq!(done.status.code(), Some(2), "{bad:?}: {}", said(&done));
+    }
+    let done = decode!(lfp, "--out", out);
+    assert_eq!(done.status.code(), Some(2), "{}", said(&done));
+    let missing = dir.path().join("missing.lfp");
+    let text = dir.path().join("text.lfp");
+    std::fs::write(&text, "hello").unwrap();
+    for capture in [missing, text] {
+        let done = decode!(capture, "--calibration", calib, "--out", out);
+        assert_eq!(done.status.code(), Some(1));
+        assert!(said(&done).lines().count() == 1 && said(&done).contains(".lfp"), "{}", said(&done));
+    }
+    assert!(!out.exists());
+}
