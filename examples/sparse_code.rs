@@ -1,5 +1,5 @@
 //! Times sparse coding: `sparse_code D.npy Y.npy LAMBDA [--threads N] [--tol T] [--objectives FILE.npy] [--solver NAME]`
-//! prints one JSON object (see docs/sparse-coding.md).
+//! [--nonzeros T] [--nonnegative] [--repeats R] prints one JSON object, times being medians over the repeats (see docs/sparse-coding.md).
 
 use anyhow::{Context, anyhow, bail};
 use lenslet_core::sparse::{self, Options, Penalty, Solver};
@@ -10,6 +10,7 @@ fn main() -> anyhow::Result<()> {
     let mut plain = Vec::new();
     let (mut threads, mut objectives_file, mut repeats) = (1usize, None, 1usize);
     let mut options = Options::default();
+    let mut nonzeros = None;
     let mut args = std::env::args().skip(1);
     while let Some(arg) = args.next() {
         let mut value = || args.next().ok_or_else(|| anyhow!("{arg} needs a value"));
@@ -17,6 +18,7 @@ fn main() -> anyhow::Result<()> {
             "--threads" => threads = value()?.parse().context("--threads takes a number")?,
             "--tol" => options.tolerance = value()?.parse().context("--tol takes a number")?,
             "--repeats" => repeats = value()?.parse().context("--repeats takes a number")?,
+            "--nonzeros" => nonzeros = Some(value()?.parse().context("--nonzeros takes a number")?),
             "--nonnegative" => options.nonnegative = true,
             "--objectives" => objectives_file = Some(value()?),
             "--solver" => options.solver = solver(&value()?)?,
@@ -29,7 +31,10 @@ fn main() -> anyhow::Result<()> {
     };
     let atoms: Array2<f32> = ndarray_npy::read_npy(atoms).with_context(|| format!("cannot read {atoms}"))?;
     let signals: Array2<f32> = ndarray_npy::read_npy(signals).with_context(|| format!("cannot read {signals}"))?;
-    options.penalty = Penalty::Lambda(lambda.parse().context("LAMBDA is a number")?);
+    options.penalty = match nonzeros {
+        Some(most) => Penalty::NonZeros(most),
+        None => Penalty::Lambda(lambda.parse().context("LAMBDA is a number")?),
+    };
 
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
     let (mut walls, mut cpus) = (Vec::new(), Vec::new());
@@ -79,7 +84,8 @@ fn solver(name: &str) -> anyhow::Result<Solver> {
         "ista" => Solver::Ista,
         "fista" => Solver::Fista,
         "homotopy" => Solver::Homotopy,
-        _ => bail!("--solver is one of auto, active-set, cd, ista, fista, homotopy"),
+        "omp" => Solver::Omp,
+        _ => bail!("--solver is one of auto, active-set, cd, ista, fista, homotopy, omp"),
     })
 }
 

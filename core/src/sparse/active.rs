@@ -6,7 +6,7 @@
 //! the few chunks of atoms that violated most when all were last looked at (see [`super::near`]). All in f32: the result
 //! is a candidate for the f64 certificate; where that fails the f64 solver takes over.
 
-use super::near::{MOST_NEAR, Newcomer};
+use super::near::{NEAR, Newcomer};
 use super::prepared::Prepared;
 use super::simd::{Chunk, Lanes, flat, flat_mut};
 
@@ -44,9 +44,9 @@ pub(super) struct State<const C: usize> {
     signs: [Chunk; C],
     inverse: [[[Chunk; C]; 16]; C],
     /// The chunks of atoms that rounds look at.
-    pub near: [u32; MOST_NEAR],
+    pub near: [u32; NEAR],
     /// Those chunks of the members' Gram rows.
-    pub near_rows: [[[Chunk; MOST_NEAR]; 16]; C],
+    pub near_rows: [[[Chunk; NEAR]; 16]; C],
     /// Whether `near` belongs to this signal.
     pub chosen: bool,
 }
@@ -61,8 +61,8 @@ impl<const C: usize> State<C> {
             phi: [Chunk::ZERO; C],
             signs: [Chunk::ZERO; C],
             inverse: [[[Chunk::ZERO; C]; 16]; C],
-            near: [0; MOST_NEAR],
-            near_rows: [[[Chunk::ZERO; MOST_NEAR]; 16]; C],
+            near: [0; NEAR],
+            near_rows: [[[Chunk::ZERO; NEAR]; 16]; C],
             chosen: false,
         }
     }
@@ -140,7 +140,7 @@ fn chunks_of<const C: usize>(n: usize) -> usize {
 /// Lets an atom into the support and moves to the new minimum. False when that is too ill-conditioned for f32.
 /// `correlations` are those of the signal less λθ on the support.
 #[inline(always)]
-pub(super) fn enter<S: Lanes, const C: usize, const W: usize>(
+pub(super) fn enter<S: Lanes, const C: usize>(
     lanes: S,
     task: &Task<'_>,
     correlations: &mut [Chunk],
@@ -197,7 +197,7 @@ pub(super) fn enter<S: Lanes, const C: usize, const W: usize>(
     state.held[chunk][place] = own;
     state.n = n + 1;
     flat_mut(correlations)[atom] = own - task.lambda * sign;
-    for (near, &chunk) in state.near_rows[chunk][place].iter_mut().zip(&state.near).take(W) {
+    for (near, &chunk) in state.near_rows[chunk][place].iter_mut().zip(&state.near) {
         *near = row[chunk as usize];
     }
     let mut flipped = false;
@@ -220,7 +220,7 @@ pub(super) fn enter<S: Lanes, const C: usize, const W: usize>(
         }
     }
     if flipped {
-        return walk::<S, C, W>(lanes, state, correlations, &mut target);
+        return walk::<S, C>(lanes, state, correlations, &mut target);
     }
     state.phi[..chunks].copy_from_slice(&target[..chunks]);
     true
@@ -229,7 +229,7 @@ pub(super) fn enter<S: Lanes, const C: usize, const W: usize>(
 /// Moves from φ towards `target`, dropping the atoms whose coefficient would change sign on the way; false when it
 /// does not end.
 #[inline(always)]
-fn walk<S: Lanes, const C: usize, const W: usize>(
+fn walk<S: Lanes, const C: usize>(
     lanes: S,
     state: &mut State<C>,
     correlations: &mut [Chunk],
@@ -256,14 +256,14 @@ fn walk<S: Lanes, const C: usize, const W: usize>(
             let way = lanes.fma(lanes.splat(-1.0), phi, lanes.load(&target[v]));
             lanes.store(&mut state.phi[v], lanes.fma(lanes.splat(t), way, phi));
         }
-        remove::<S, C, W>(lanes, state, correlations, target, first);
+        remove::<S, C>(lanes, state, correlations, target, first);
     }
     false
 }
 
 /// Takes member `k` out of the support: rank-one downdate, then the last takes its place.
 #[inline(always)]
-fn remove<S: Lanes, const C: usize, const W: usize>(
+fn remove<S: Lanes, const C: usize>(
     lanes: S,
     state: &mut State<C>,
     correlations: &mut [Chunk],

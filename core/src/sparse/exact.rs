@@ -41,12 +41,12 @@ pub(super) struct Answer {
 }
 
 /// One member of the support.
-struct Member {
-    atom: usize,
-    value: f64,
-    sign: f64,
+pub(super) struct Member {
+    pub atom: usize,
+    pub value: f64,
+    pub sign: f64,
     /// The atom as seen.
-    column: Vec<f64>,
+    pub column: Vec<f64>,
 }
 
 /// Solves one signal.
@@ -79,7 +79,7 @@ pub(super) fn solve(task: &Task<'_>) -> Answer {
         let mut error: Vec<f64> = members.iter().map(|m| correlations[m.atom] - task.lambda * m.sign).collect();
         if let Some(atom) = newcomer {
             let sign = correlations[atom].signum();
-            let column = seen_atom(task, atom);
+            let column = seen_atom(task.dictionary, task.seen, atom);
             let Some(value) = make_room(&mut members, &mut error, &column, sign) else {
                 return answer(members, gap, rounds, Ended::Stalled);
             };
@@ -100,6 +100,25 @@ pub(super) fn largest(dictionary: &Prepared, seen: Seen<'_>, signal: &[f64], non
 fn answer(members: Vec<Member>, gap: f64, rounds: u32, ended: Ended) -> Answer {
     let (support, values) = members.iter().map(|m| (m.atom as u32, m.value)).unzip();
     Answer { support, values, finished: Finished { gap, iterations: rounds, ended } }
+}
+
+/// The gap of a given code.
+pub(super) fn gap_of(task: &Task<'_>, members: &[Member]) -> f64 {
+    let span = if task.lambda == 0.0 { span(task) } else { Vec::new() };
+    let residual = residual(task, members);
+    let mut correlations = vec![0.0f64; task.dictionary.atom_count()];
+    correlate(task.dictionary, task.seen, &residual, &mut correlations);
+    certificate(task, members, &residual, &correlations, &span)
+}
+
+/// Whether a column is (all but) a combination of the members'.
+pub(super) fn depends(members: &[Member], column: &[f64]) -> bool {
+    let own = inner(column, column);
+    let overlap: Vec<f64> = members.iter().map(|m| inner(&m.column, column)).collect();
+    match solve_gram(members, &overlap) {
+        Some(u) => own - u.iter().zip(&overlap).map(|(a, b)| a * b).sum::<f64>() <= 1e-10 * own,
+        None => true,
+    }
 }
 
 /// The atom outside the support that violates its condition most.
@@ -172,7 +191,7 @@ fn make_room(members: &mut Vec<Member>, error: &mut Vec<f64>, column: &[f64], si
 }
 
 /// G_SS x = rhs by Cholesky; none when G_SS is singular.
-fn solve_gram(members: &[Member], rhs: &[f64]) -> Option<Vec<f64>> {
+pub(super) fn solve_gram(members: &[Member], rhs: &[f64]) -> Option<Vec<f64>> {
     let n = members.len();
     let mut factor = vec![0.0f64; n * n];
     for i in 0..n {
@@ -218,9 +237,9 @@ fn residual(task: &Task<'_>, members: &[Member]) -> Vec<f64> {
 }
 
 /// Atom `k` as seen.
-fn seen_atom(task: &Task<'_>, k: usize) -> Vec<f64> {
-    let atom = task.dictionary.atom(k);
-    match task.seen {
+pub(super) fn seen_atom(dictionary: &Prepared, seen: Seen<'_>, k: usize) -> Vec<f64> {
+    let atom = dictionary.atom(k);
+    match seen {
         Seen::Whole => atom.iter().map(|&v| f64::from(v)).collect(),
         Seen::RootWeights(w) => atom.iter().zip(w).map(|(&v, w)| f64::from(v) * w).collect(),
         Seen::Through(matrix) => matrix
@@ -290,7 +309,7 @@ fn span(task: &Task<'_>) -> Vec<Vec<f64>> {
         if basis.len() == task.signal.len() {
             break;
         }
-        let mut v = seen_atom(task, k);
+        let mut v = seen_atom(task.dictionary, task.seen, k);
         let before = inner(&v, &v).sqrt();
         for _ in 0..2 {
             for q in &basis {

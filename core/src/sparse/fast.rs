@@ -94,14 +94,6 @@ impl Kernel for Fast<'_> {
     type Out = ();
     #[inline(always)]
     fn run<S: Lanes>(self, lanes: S) {
-        if self.dictionary.width() > 16 { self.run_near::<S, 8>(lanes) } else { self.run_near::<S, 4>(lanes) }
-    }
-}
-
-impl Fast<'_> {
-    /// With `W` chunks of atoms near.
-    #[inline(always)]
-    fn run_near<S: Lanes, const W: usize>(self, lanes: S) {
         let Fast { dictionary, signals, options, scratch, codes } = self;
         let (m, width) = (dictionary.signal_len(), dictionary.width());
         let count = signals.len() / m;
@@ -137,9 +129,9 @@ impl Fast<'_> {
                 let row = &correlations[n * width..(n + 1) * width];
                 let signal = &signals[n * m..(n + 1) * m];
                 let next = if slot.grown {
-                    near::look::<S, LARGE, W>(lanes, &task, row, &mut slot.large, peaks)
+                    near::look::<S, LARGE>(lanes, &task, row, &mut slot.large, peaks)
                 } else {
-                    near::look::<S, 1, W>(lanes, &task, row, &mut slot.small, peaks)
+                    near::look::<S, 1>(lanes, &task, row, &mut slot.small, peaks)
                 };
                 let outside = match next {
                     Next::Enter(newcomer) => {
@@ -175,9 +167,9 @@ impl Fast<'_> {
                 (task.lambda, task.threshold) = (slot.lambda, slot.threshold);
                 let row = &mut correlations[n * width..(n + 1) * width];
                 let entered = if slot.grown {
-                    active::enter::<S, LARGE, W>(lanes, &task, row, &mut slot.large, newcomer)
+                    active::enter::<S, LARGE>(lanes, &task, row, &mut slot.large, newcomer)
                 } else {
-                    active::enter::<S, 1, W>(lanes, &task, row, &mut slot.small, newcomer)
+                    active::enter::<S, 1>(lanes, &task, row, &mut slot.small, newcomer)
                 };
                 if !entered {
                     codes.redone_in_f64 += 1;

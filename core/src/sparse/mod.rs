@@ -10,15 +10,18 @@ mod descent;
 mod exact;
 mod fast;
 mod gap;
+mod homotopy;
 mod near;
 mod omp;
 mod prepared;
 mod product;
+mod proximal;
 mod sampled;
 mod simd;
 mod solve;
 
 pub use codes::Codes;
+pub use homotopy::{Knot, path};
 pub use prepared::{Prepared, prepare};
 pub use sampled::{solve_sampled, solve_weighted};
 pub use simd::Simd;

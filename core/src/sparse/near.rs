@@ -1,7 +1,7 @@
 //! Which atom enters next: the largest |c| of c = b − G φ, sought among the few chunks of atoms that matter.
 //!
 //! Atoms that resemble each other share chunks of sixteen, so what a signal needs lies in few of them. A look at all
-//! atoms finds the largest |c| of each chunk; the `W` chunks with the highest become near, with copies of those parts of
+//! atoms finds the largest |c| of each chunk; the eight chunks with the highest become near, with copies of those parts of
 //! the support's Gram rows, small enough to stay in the first cache. Rounds look there until all is satisfied, then
 //! everywhere again; when that is satisfied, too, the support is final. The order of entry differs from a search over
 //! all atoms, the answer does not.
@@ -10,7 +10,7 @@ use super::active::{State, Task};
 use super::simd::{Chunk, Lanes, flat, flat_mut};
 
 /// Most chunks of atoms that are near.
-pub(super) const MOST_NEAR: usize = 8;
+pub(super) const NEAR: usize = 8;
 
 /// How a search ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,7 +44,7 @@ pub(super) struct Newcomer {
 /// Looks for the atom that violates its condition most. `correlations` are those of the signal less λθ on the support;
 /// `peaks` is scratch of a value a chunk.
 #[inline(always)]
-pub(super) fn look<S: Lanes, const C: usize, const W: usize>(
+pub(super) fn look<S: Lanes, const C: usize>(
     lanes: S,
     task: &Task<'_>,
     correlations: &[Chunk],
@@ -52,7 +52,7 @@ pub(super) fn look<S: Lanes, const C: usize, const W: usize>(
     peaks: &mut [Chunk],
 ) -> Next {
     if state.chosen
-        && let Some(next) = look_near::<S, C, W>(lanes, task, correlations, state)
+        && let Some(next) = look_near::<S, C>(lanes, task, correlations, state)
     {
         return next;
     }
@@ -60,19 +60,19 @@ pub(super) fn look<S: Lanes, const C: usize, const W: usize>(
     if outside <= task.threshold {
         return Next::Over(End::Settled { outside });
     }
-    choose::<S, C, W>(lanes, task, outside, state, peaks);
-    look_near::<S, C, W>(lanes, task, correlations, state).unwrap_or(Next::Over(End::Stuck))
+    choose::<S, C>(lanes, task, outside, state, peaks);
+    look_near::<S, C>(lanes, task, correlations, state).unwrap_or(Next::Over(End::Stuck))
 }
 
 /// The same among the near chunks; none when all there are satisfied.
 #[inline(always)]
-fn look_near<S: Lanes, const C: usize, const W: usize>(
+fn look_near<S: Lanes, const C: usize>(
     lanes: S,
     task: &Task<'_>,
     correlations: &[Chunk],
     state: &State<C>,
 ) -> Option<Next> {
-    let mut c = [lanes.splat(0.0); W];
+    let mut c = [lanes.splat(0.0); NEAR];
     for (c, &chunk) in c.iter_mut().zip(&state.near) {
         *c = lanes.load(&correlations[chunk as usize]);
     }
@@ -80,7 +80,7 @@ fn look_near<S: Lanes, const C: usize, const W: usize>(
         let (block, place) = ((member / 16) & (C - 1), member & 15);
         let row = &state.near_rows[block][place];
         let value = lanes.splat(state.phi[block].0[place]);
-        for i in 0..W {
+        for i in 0..NEAR {
             c[i] = lanes.fnma(value, lanes.load(&row[i]), c[i]);
         }
     }
@@ -99,11 +99,11 @@ fn look_near<S: Lanes, const C: usize, const W: usize>(
     if state.n >= state.room() {
         return Some(Next::Over(End::Full));
     }
-    let at = at as usize & (MOST_NEAR - 1);
+    let at = at as usize & (NEAR - 1);
     let newcomer = Newcomer { atom: state.near[at] as usize * 16 + lane, at, lane };
     let width = task.dictionary.width();
     let row = &task.dictionary.gram()[newcomer.atom * width..][..width];
-    for &chunk in &state.near[..W] {
+    for &chunk in &state.near {
         lanes.prefetch(&row[chunk as usize]);
     }
     Some(Next::Enter(newcomer))
@@ -171,22 +171,16 @@ fn look_at_part<S: Lanes, const B: usize>(
     }
 }
 
-/// Makes (about) the `W` chunks with the highest peaks near; there is one above the threshold.
+/// Makes (about) the [`NEAR`] chunks with the highest peaks near; there is one above the threshold.
 #[inline(always)]
-fn choose<S: Lanes, const C: usize, const W: usize>(
-    lanes: S,
-    task: &Task<'_>,
-    most: f32,
-    state: &mut State<C>,
-    peaks: &[Chunk],
-) {
+fn choose<S: Lanes, const C: usize>(lanes: S, task: &Task<'_>, most: f32, state: &mut State<C>, peaks: &[Chunk]) {
     // A level that so many are above, by bisection; what does not fit is left for later.
     let mut level = task.threshold;
-    if count_above(lanes, peaks, level) > W as u32 {
+    if count_above(lanes, peaks, level) > NEAR as u32 {
         let mut high = most;
         for _ in 0..6 {
             let middle = 0.5 * (level + high);
-            if count_above(lanes, peaks, middle) > W as u32 {
+            if count_above(lanes, peaks, middle) > NEAR as u32 {
                 level = middle;
             } else {
                 high = middle;
@@ -199,13 +193,13 @@ fn choose<S: Lanes, const C: usize, const W: usize>(
     let mut chosen = 0;
     for (i, peaks) in peaks.iter().enumerate() {
         let mut mask = lanes.above(lanes.load(peaks), level);
-        while mask != 0 && chosen < W {
+        while mask != 0 && chosen < NEAR {
             state.near[chosen] = i as u32 * 16 + mask.trailing_zeros();
             mask &= mask - 1;
             chosen += 1;
         }
     }
-    for i in chosen..W {
+    for i in chosen..NEAR {
         state.near[i] = state.near[0];
     }
     state.chosen = true;
@@ -214,7 +208,7 @@ fn choose<S: Lanes, const C: usize, const W: usize>(
     for i in 0..n {
         let row = &gram[state.support()[i] as usize * width..][..width];
         let near = &mut state.near_rows.as_flattened_mut()[i];
-        for (near, &chunk) in near.iter_mut().zip(&state.near).take(W) {
+        for (near, &chunk) in near.iter_mut().zip(&state.near) {
             *near = row[chunk as usize];
         }
     }

@@ -2,7 +2,9 @@
 
 use super::fast::{Fast, Scratch};
 use super::simd::{dispatch, flat};
-use super::{Codes, Ended, Error, Options, Penalty, Prepared, Solver, descent, gap, omp, prepared, product};
+use super::{
+    Codes, Ended, Error, Options, Penalty, Prepared, Solver, descent, gap, homotopy, omp, prepared, product, proximal,
+};
 use ndarray::{ArrayView2, Axis};
 use rayon::prelude::*;
 
@@ -42,15 +44,18 @@ pub(super) struct Work {
     pub support: Vec<u32>,
     pub gradient: Vec<f32>,
     pub residual: Vec<f64>,
+    /// Of the Gram matrix; only for proximal gradient.
+    pub eigenvalue: f32,
 }
 
 impl Work {
-    fn new(dictionary: &Prepared) -> Work {
+    fn new(dictionary: &Prepared, eigenvalue: f32) -> Work {
         Work {
             code: vec![0.0; dictionary.atom_count()],
             support: Vec::with_capacity(dictionary.signal_len()),
             gradient: vec![0.0; dictionary.atom_count()],
             residual: vec![0.0; dictionary.signal_len()],
+            eigenvalue,
         }
     }
 
@@ -104,15 +109,14 @@ impl Work {
 /// Non-finite signals, shapes that do not fit, parameters out of range.
 pub fn solve(dictionary: &Prepared, signals: ArrayView2<'_, f32>, options: &Options) -> Result<Codes, Error> {
     check(dictionary, &signals, options)?;
-    if matches!(options.solver, Solver::Ista | Solver::Fista | Solver::Homotopy) {
-        return Err(Error::Parameter(format!("the solver {:?} is not there yet", options.solver)));
-    }
     let signals = signals.as_standard_layout();
     let Some(flat) = signals.as_slice() else { return Err(Error::Shape("signals without a layout".into())) };
+    let proximal = matches!(options.solver, Solver::Ista | Solver::Fista);
+    let eigenvalue = if proximal { proximal::largest_eigenvalue(dictionary) } else { 0.0 };
     let blocks: Vec<Codes> = flat
         .par_chunks(BLOCK * dictionary.signal_len())
         .map_init(
-            || (Scratch::new(dictionary, PART), Work::new(dictionary)),
+            || (Scratch::new(dictionary, PART), Work::new(dictionary, eigenvalue)),
             |(scratch, work), block| solve_block(dictionary, block, options, scratch, work),
         )
         .collect();
@@ -130,9 +134,11 @@ fn check(dictionary: &Prepared, signals: &ArrayView2<'_, f32>, options: &Options
     }
     check_options(options)?;
     let counted = matches!(options.penalty, Penalty::NonZeros(_));
-    let counts = matches!(options.solver, Solver::Auto | Solver::Omp);
+    let counts = matches!(options.solver, Solver::Auto | Solver::Omp | Solver::Homotopy);
     if (counted && !counts) || (!counted && options.solver == Solver::Omp) {
-        return Err(Error::Parameter("a number of non-zeros and the solver OMP go together".into()));
+        return Err(Error::Parameter(
+            "a number of non-zeros is for OMP and homotopy, and OMP takes nothing else".into(),
+        ));
     }
     let bad = signals.axis_iter(Axis(0)).into_par_iter().position_first(|row| row.iter().any(|v| !v.is_finite()));
     match bad {
@@ -211,7 +217,15 @@ fn solve_plainly(
         nonnegative: options.nonnegative,
         most: if let Penalty::NonZeros(most) = options.penalty { most } else { usize::MAX },
     };
+    if options.solver == Solver::Homotopy {
+        let lambda = f64::from(lambda);
+        let (nonzeros, max_steps) = (problem.most, problem.max_iterations);
+        let until = homotopy::Until { lambda, nonzeros, max_steps, nonnegative: options.nonnegative };
+        let (mut entries, lambda, finished) = homotopy::solve(dictionary, signal, until, problem.goal);
+        return push(codes, dictionary, &mut entries, lambda, &finished);
+    }
     let finished = match options.solver {
+        Solver::Ista | Solver::Fista => proximal::solve(&problem, work, options.solver, work.eigenvalue),
         Solver::Omp | Solver::Auto => omp::solve(&problem, work),
         _ => descent::solve(&problem, work),
     };
