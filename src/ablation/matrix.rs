@@ -153,7 +153,7 @@ pub struct Chain {
     pub calibration: String,
     /// Divide by the white image.
     pub vignetting: bool,
-    /// `malvar` or `bilinear`.
+    /// `lenslet`, `malvar` or `bilinear`.
     pub demosaic: String,
     /// Views a row and column.
     pub views: usize,
@@ -171,7 +171,7 @@ impl Default for Chain {
         Chain {
             calibration: Variant::Full.name().to_owned(),
             vignetting: true,
-            demosaic: "malvar".to_owned(),
+            demosaic: "lenslet".to_owned(),
             views: 7,
             way: Way::Barycentric,
             noise: 0.7,
@@ -186,6 +186,7 @@ impl Chain {
         let kind = match self.demosaic.as_str() {
             "malvar" => Demosaic::Malvar,
             "bilinear" => Demosaic::Bilinear,
+            "lenslet" => Demosaic::Lenslet,
             other => bail!("no demosaic is named {other}"),
         };
         let mut steps = default_steps();
@@ -348,7 +349,7 @@ fn variants(experiment: Experiment, quick: bool) -> Vec<(String, Chain)> {
                 .collect()
         }
         Experiment::Demosaic => {
-            ["bilinear", "malvar"].map(|d| named(d, Chain { demosaic: d.to_owned(), ..base() })).to_vec()
+            ["bilinear", "malvar", "lenslet"].map(|d| named(d, Chain { demosaic: d.to_owned(), ..base() })).to_vec()
         }
         Experiment::Vignetting => [("off", false), ("on", true)]
             .map(|(name, vignetting)| named(name, Chain { vignetting, ..base() }))

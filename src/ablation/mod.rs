@@ -8,6 +8,7 @@
 pub mod against;
 mod chain;
 pub mod check;
+mod dictionaries;
 pub mod matrix;
 pub mod page;
 mod peers;
@@ -126,7 +127,7 @@ fn execute(
     observer: &dyn Observer,
 ) -> Result<record::Scored> {
     match &run.subject {
-        Subject::Scene(kind) => chain::simulated(run, *kind, worlds, out, observer),
+        Subject::Scene(kind) => chain::simulated(run, *kind, settings, worlds, out, observer),
         Subject::Capture(path) => chain::captured(run, path, settings, observer),
         Subject::Peer(name, path) => peers::score(name, path, settings, out, run),
     }

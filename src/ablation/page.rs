@@ -67,7 +67,8 @@ fn section(page: &mut Page, out: &Path, table: &Table) {
     page.paragraph(&table.question);
     for name in PLOTTED {
         if let Some(svg) = plot::dots(table, name) {
-            page.drawing(&svg, of_name(name).map_or(name, |s| s.meaning));
+            let caption = of_name(name).map_or(name.to_owned(), |s| format!("{}: {}", s.heading, s.meaning));
+            page.drawing(&svg, &caption);
         }
     }
     let mut shown =
@@ -108,7 +109,7 @@ fn pictures(page: &mut Page, out: &Path, subject: &str, rows: &[&Row]) {
     let mut stages: Vec<Stage> = rows.iter().filter_map(|r| stage(r, "crop", &r.variant)).collect();
     stages.extend(rows.first().and_then(|r| stage(r, "truth", "truth")));
     if stages.len() > 1 {
-        page.compare(subject, &stages);
+        page.compare(subject, &stages, [0.5, 0.5]);
     }
     let differences: Vec<(Picture, String)> =
         rows.iter().filter_map(|r| Some((embedded(out, r, "difference")?, r.variant.clone()))).collect();

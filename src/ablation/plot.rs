@@ -6,8 +6,8 @@ use super::table::{Table, of_name};
 use crate::report::escape;
 
 const ROW: f64 = 22.0;
-const LEFT: f64 = 190.0;
-const WIDTH: f64 = 640.0;
+const LEFT: f64 = 160.0;
+const WIDTH: f64 = 520.0;
 const RIGHT: f64 = 20.0;
 
 /// One score of a table; nothing where fewer than two rows have it.

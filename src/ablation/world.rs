@@ -9,7 +9,7 @@ use lenslet_core::progress::Observer;
 use lenslet_data_gen::simulate::{self, Camera, Kind, Options, Scene, Simulation};
 use ndarray::{Array2, Array3};
 
-use super::Settings;
+use super::{Settings, dictionaries};
 
 /// Worlds kept at once; runs come sorted by world, so more are hardly ever needed again.
 const KEPT: usize = 2;
@@ -39,11 +39,22 @@ pub(super) struct Worlds {
     sensor: usize,
     size: usize,
     kept: Vec<World>,
+    trained: dictionaries::Store,
 }
 
 impl Worlds {
     pub(super) fn new(settings: &Settings) -> Self {
-        Worlds { sensor: settings.sensor(), size: settings.size(), kept: Vec::new() }
+        Worlds {
+            sensor: settings.sensor(),
+            size: settings.size(),
+            kept: Vec::new(),
+            trained: dictionaries::Store::default(),
+        }
+    }
+
+    /// The dictionaries trained so far.
+    pub(super) fn trained(&mut self) -> &mut dictionaries::Store {
+        &mut self.trained
     }
 
     /// The world of `kind` under `seed`, made when it is not there.
