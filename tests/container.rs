@@ -221,6 +221,104 @@ fn bundles_never_write_outside_their_folder() {
     assert!(!Path::new("/etc/lenslet-test").exists());
 }
 
+/// A white image of 400x400 pixels with lenslets of pitch 10, times `gain`.
+fn lenslets(gain: f64) -> RawMosaic {
+    let (side, pitch) = (400usize, 10.0);
+    let row = pitch * 3f64.sqrt() / 2.0;
+    let value = |x: f64, y: f64| {
+        let near = (y / row).round() as i64;
+        let r2 = (near - 1..=near + 1)
+            .map(|j| {
+                let shift = if j % 2 == 0 { 0.0 } else { pitch / 2.0 };
+                let dx = (x - shift) - ((x - shift) / pitch).round() * pitch;
+                dx * dx + (y - j as f64 * row).powi(2)
+            })
+            .fold(f64::INFINITY, f64::min);
+        168.0 + gain * 3000.0 * (1.0 - 0.8 * r2 / 25.0).max(0.06)
+    };
+    let data = (0..side * side).map(|i| value((i % side) as f64, (i / side) as f64) as u16).collect();
+    RawMosaic { width: side, height: side, data }
+}
+
+#[test]
+fn decode_finds_the_white_image_of_a_capture_in_a_bundle() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut parts = Vec::new();
+    let mut files = Vec::new();
+    for (name, serial, zoom, gain) in [
+        ("MOD_0000", "A1", 500, 0.0),
+        ("MOD_0002", "A1", 500, 0.8),
+        ("MOD_0003", "A1", 500, 0.4),
+        ("MOD_0004", "B2", 500, 0.9),
+    ] {
+        let mut white = capture(400, 400);
+        white.mosaic = lenslets(gain);
+        white.camera.serial = Some(serial.into());
+        white.camera.zoom_step = Some(zoom);
+        let path = dir.path().join("made.lfp");
+        write_lfp(&path, &white, true).unwrap();
+        let made = lenslet_core::container::segments::Container::open(&path).unwrap();
+        let part = |k: usize| serde_json::from_slice(&made.payload(&made.segments[k]).unwrap()).unwrap();
+        let (metadata, private): (Value, Value) = (part(1), part(3));
+        let text = json!({"master": {"picture": {"frameArray": [{"frame": {"metadata": metadata, "privateMetadata": private}}]}}});
+        for (extension, bytes) in
+            [("RAW", pack(Packing::Be12, &white.mosaic.data).unwrap()), ("TXT", text.to_string().into_bytes())]
+        {
+            files.push(json!({"name": format!("C:\\T1CALIB\\{name}.{extension}"), "dataRef": sha1_of(&bytes)}));
+            parts.push(bytes);
+        }
+        fs::remove_file(path).unwrap();
+    }
+    let parts: Vec<&[u8]> = parts.iter().map(Vec::as_slice).collect();
+    let bundle = dir.path().join("data.C.0");
+    fs::write(&bundle, container(&json!({ "files": files }), &parts)).unwrap();
+    let scene = dir.path().join("scene.lfp");
+    let mut shot = capture(400, 400);
+    shot.mosaic = lenslets(0.5);
+    shot.camera.serial = Some("A1".into());
+    write_lfp(&scene, &shot, false).unwrap();
+
+    let json = info(&bundle);
+    let states: Vec<_> = json["images"].as_array().unwrap().iter().map(|i| i["state"].as_str().unwrap()).collect();
+    assert_eq!(
+        (json["kind"].as_str().unwrap(), states),
+        ("calibration bundle", vec!["black", "white", "white", "white"])
+    );
+
+    let out = dir.path().join("lf.npy");
+    let decode = |place: &Path, out: &Path| {
+        let arguments = ["decode", "--calibration", place.to_str().unwrap(), "--out", out.to_str().unwrap()];
+        lenslet(
+            &[
+                &arguments[..],
+                &["--method", "barycentric", "--size", "60", "--views", "3", "--npy", scene.to_str().unwrap()],
+            ]
+            .concat(),
+        )
+    };
+    let run = decode(&bundle, &out);
+    let told = String::from_utf8_lossy(&run.stderr).into_owned();
+    assert!(run.status.success(), "{told}");
+    assert!(out.exists());
+    for words in [
+        "white image:",
+        "MOD_0002",
+        "same serial number, same zoom step",
+        "a black image",
+        "the darker exposure",
+        "another camera, B2",
+    ] {
+        assert!(told.contains(words), "{words}: {told}");
+    }
+    // No camera fits: one line says what was looked for and what was there.
+    shot.camera.serial = Some("C3".into());
+    write_lfp(&scene, &shot, true).unwrap();
+    let run = decode(&bundle, &dir.path().join("none.npy"));
+    let told = String::from_utf8_lossy(&run.stderr).into_owned();
+    assert!(!run.status.success() && told.contains("serial C3") && told.contains("of another camera, A1"), "{told}");
+    assert!(!dir.path().join("none.npy").exists());
+}
+
 fn shared(what: &str) -> Option<PathBuf> {
     let base = std::env::var_os("LENSLET_SHARED")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);

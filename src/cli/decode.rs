@@ -31,7 +31,8 @@ pub struct Args {
     /// Captures, or folders of captures
     #[arg(required = true, value_name = "CAPTURE")]
     captures: Vec<PathBuf>,
-    /// Calibration of the camera, or a folder of calibrations to choose from (not needed for an Illum .lfr)
+    /// Calibration of the camera, a folder of calibrations to choose from, or white images: the camera's calibration
+    /// folder, data.C.n bundle or .tar (not needed for an Illum .lfr)
     #[arg(short, long, value_name = "CAM.calib|DIR")]
     calibration: Option<PathBuf>,
     /// The light field to write (a folder of light fields for several captures)

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use lenslet_core::calibration::{self, Calibration, Options};
-use lenslet_core::container::{CameraFacts, Capture};
+use lenslet_core::container::{CameraFacts, Capture, members, whites};
 use lenslet_core::progress::Observer;
 
 use crate::cli::{Context, Usage};
@@ -18,16 +18,23 @@ struct Candidate {
 /// Calibrations to choose from; the last one used stays loaded.
 pub struct Shelf {
     candidates: Vec<Candidate>,
+    /// White images instead of calibrations: a calibration folder, bundle or archive.
+    whites: Option<PathBuf>,
     place: Option<PathBuf>,
     last: Option<(PathBuf, Calibration)>,
 }
 
 impl Shelf {
-    /// Opens a calibration file, or a folder of them. Without either, captures must carry their own white image.
+    /// Opens a calibration file, a folder of them, or white images (a camera's calibration folder, data.C.n bundle or
+    /// .tar). Without any, captures must carry their own white image.
     pub fn open(path: Option<&Path>, context: &Context) -> anyhow::Result<Shelf> {
-        let mut shelf = Shelf { candidates: Vec::new(), place: path.map(Path::to_path_buf), last: None };
+        let mut shelf = Shelf { candidates: Vec::new(), whites: None, place: path.map(Path::to_path_buf), last: None };
         let Some(path) = path else { return Ok(shelf) };
         if !path.is_dir() {
+            if members::members(path).is_ok() {
+                shelf.whites = Some(path.to_path_buf());
+                return Ok(shelf);
+            }
             shelf.add(path)?;
             return Ok(shelf);
         }
@@ -47,8 +54,12 @@ impl Shelf {
             }
         }
         if shelf.candidates.is_empty() {
+            if !whites::list(path)?.candidates.is_empty() {
+                shelf.whites = Some(path.to_path_buf());
+                return Ok(shelf);
+            }
             anyhow::bail!(
-                "{}: no calibration (.calib) in this folder; make one with `lenslet calibrate`",
+                "{}: no calibration (.calib) and no white images in this folder; make a calibration with `lenslet calibrate`",
                 path.display()
             );
         }
@@ -74,6 +85,9 @@ impl Shelf {
             let own = calibration::calibrate(std::slice::from_ref(&**white), &Options::default(), &context.progress)?;
             let own = &self.last.insert((PathBuf::new(), own)).1;
             return Ok((own, "made from the white image inside the capture".into()));
+        }
+        if let Some(place) = self.whites.clone() {
+            return self.from_whites(&place, capture, context);
         }
         let size = (capture.mosaic.width, capture.mosaic.height);
         let fitting: Vec<&Candidate> = self.candidates.iter().filter(|c| c.size == size).collect();
@@ -108,6 +122,29 @@ impl Shelf {
         }
         match &self.last {
             Some((_, found)) => Ok((found, format!("{} ({reason})", path.display()))),
+            None => Err(self.nothing(capture)),
+        }
+    }
+
+    /// Finds the capture's white image, tells what else was there, and calibrates from it (again only for another one).
+    fn from_whites(
+        &mut self,
+        place: &Path,
+        capture: &Capture,
+        context: &Context,
+    ) -> anyhow::Result<(&Calibration, String)> {
+        let choice = whites::find(place, capture)?;
+        let white = choice.load()?;
+        let name = choice.chosen.as_ref().map(|c| c.member.label()).unwrap_or_default();
+        if self.last.as_ref().is_none_or(|(p, _)| p.as_os_str() != name.as_str()) {
+            for line in choice.lines() {
+                context.progress.note(&crate::cli::info::clean(&line));
+            }
+            let made = calibration::calibrate(std::slice::from_ref(&white), &Options::default(), &context.progress)?;
+            self.last = Some((PathBuf::from(&name), made));
+        }
+        match &self.last {
+            Some((_, made)) => Ok((made, format!("made from {name} ({})", choice.reason))),
             None => Err(self.nothing(capture)),
         }
     }
