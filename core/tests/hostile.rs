@@ -14,9 +14,10 @@ use lenslet_core::container::{
     profile, whites, write_lfp,
 };
 use lenslet_core::decode::{HexSamples, npz};
+use lenslet_core::dictionary::{self, Anchored, Base, Dictionary, Footprint, Model, Pass, Recipe, Storage};
 use lenslet_core::lightfield::{self, ColourSpace, Format, Meta, ReadOptions};
 use lenslet_core::progress::Silent;
-use ndarray::Array3;
+use ndarray::{Array2, Array3};
 
 const COUNT: usize = 20_000;
 
@@ -91,6 +92,7 @@ fn peak() -> usize {
 
 /// The bound this file's readers keep together (tests run side by side).
 fn bounded() {
+    println!("peak memory so far: {} MiB", peak());
     assert!(peak() < 1500, "{} MiB", peak());
 }
 
@@ -400,6 +402,47 @@ fn samples() {
         Err(e) => line(e),
     });
     bounded();
+}
+
+fn small_dictionary() -> Dictionary {
+    let unit = |k: usize| Array2::from_shape_fn((k, 4), |(r, c)| if c == r % 4 { 1.0 } else { 0.0 });
+    let pass = Pass {
+        support: 5,
+        patch: 3,
+        filters: Array2::from_shape_fn((4, 25), |(r, c)| (r + c) as f32 * 0.01),
+        floor: 0.1,
+        lambda: 0.05,
+        low: unit(6),
+        high: Array2::from_elem((6, 9), 0.25),
+        linear: Array2::from_elem((4, 9), 0.125),
+        with_linear: true,
+        anchored: Some(Anchored { anchors: unit(3), maps: Array3::from_elem((3, 4, 9), 0.5) }),
+    };
+    let recipe = Recipe { tool: "test".into(), algorithm: "ksvd".into(), ..Recipe::default() };
+    let model = Model { footprint: Footprint::Lenslet, base: Base::Barycentric, pitch: 3.29, passes: vec![pass] };
+    Dictionary { recipe, storage: Storage::I8, models: vec![model] }
+}
+
+#[test]
+fn dictionaries() {
+    let whole = small_dictionary();
+    let bytes = dictionary::to_bytes(&whole).unwrap();
+    assert_eq!(dictionary::from_bytes(&bytes, "a").unwrap().models.len(), 1);
+    let read = |bytes: &[u8]| match dictionary::from_bytes(bytes, "a.lfd") {
+        Ok(d) => dictionary::validate(&d).unwrap(),
+        Err(e) => line(e),
+    };
+    torment(&bytes, 50, COUNT, read);
+    // With the payload left alone the checksum holds, so damage to the header gets past it.
+    let payload = bytes.len() - dictionary_payload(&bytes);
+    torment(&bytes[..payload], 51, COUNT, |head| read(&[head, &bytes[payload..]].concat()));
+    bounded();
+}
+
+/// Bytes of the payload: what follows the header, from the next multiple of 64.
+fn dictionary_payload(bytes: &[u8]) -> usize {
+    let header = u64::from_le_bytes(bytes[16..24].try_into().unwrap()) as usize;
+    bytes.len() - (24 + header).next_multiple_of(64)
 }
 
 #[test]

@@ -64,6 +64,8 @@ fn describe(args: &Args) -> anyhow::Result<Value> {
         segments(path)?
     } else if head.starts_with(b"LENSCAL\0") {
         calibration_facts(path)?
+    } else if head.starts_with(b"\x89LFD\r\n\x1a\n") {
+        super::dict::describe(&lenslet_core::dictionary::load(path)?).0
     } else if head.starts_with(b"\x93NUMPY") || head.starts_with(b"MATLAB") || args.views.is_some() {
         light_field(path, args)?
     } else if head.len() == 512 && &head[257..262] == b"ustar" {

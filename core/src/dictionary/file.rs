@@ -9,6 +9,7 @@
 //! | … | header: tool, recipe (JSON text), models, table of matrices, SHA-256 of the payload |
 //! | … | zeros up to a multiple of 64, then the payload: matrices, each at a multiple of 64 |
 
+use std::cell::Cell;
 use std::io::Read;
 use std::path::Path;
 
@@ -226,7 +227,7 @@ pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Dictionary, Error> {
     }
     let recipe: Recipe =
         serde_json::from_str(&header.recipe).map_err(|e| malformed(format!("its recipe cannot be read ({e})")))?;
-    let reader = Reader { payload, tables: &header.tables };
+    let reader = Reader { payload, tables: &header.tables, left: Cell::new(payload.len()) };
     let models = models(&header, &reader).map_err(malformed)?;
     let dictionary = Dictionary { recipe, storage: header.storage, models };
     validate(&dictionary).map_err(|e| malformed(e.to_string()))?;
@@ -236,6 +237,8 @@ pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Dictionary, Error> {
 struct Reader<'a> {
     payload: &'a [u8],
     tables: &'a [Table],
+    /// Payload not yet taken: matrices that share bytes would let a small file ask for any amount of memory.
+    left: Cell<usize>,
 }
 
 impl Reader<'_> {
@@ -255,6 +258,8 @@ impl Reader<'_> {
         if end > self.payload.len() as u64 {
             return Err(wrong());
         }
+        let left = self.left.get().checked_sub(length as usize).ok_or_else(|| "its matrices overlap".to_string())?;
+        self.left.set(left);
         let shape = table.shape.iter().map(|&n| n as usize).collect();
         Ok((shape, &self.payload[table.offset as usize..end as usize]))
     }
@@ -292,6 +297,9 @@ impl Reader<'_> {
 fn models(header: &Header, reader: &Reader<'_>) -> Result<Vec<Model>, String> {
     let mut models = Vec::new();
     for (i, model) in header.models.iter().enumerate() {
+        if i == limits::PARTS || model.passes.len() > limits::PARTS {
+            return Err(format!("more than {} models, or passes of one", limits::PARTS));
+        }
         let mut passes = Vec::new();
         for (j, pass) in model.passes.iter().enumerate() {
             let name = |what: &str| format!("{i}.{j}.{what}");
