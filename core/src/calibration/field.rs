@@ -6,6 +6,10 @@ use super::measure::Measured;
 
 /// Terms of the broad shape: polynomials of degree 4 in x and y.
 const TERMS: usize = 15;
+/// Steepest relative slope that what is left over the broad shape may have, 1/pixel.
+const STEEPEST: f64 = 0.003;
+/// A cell this many times brighter or darker than the broad shape says nothing of the light.
+const ODD: f64 = 1.6;
 /// Reweightings of its fit.
 const ROUNDS: usize = 5;
 
@@ -46,7 +50,8 @@ impl Field {
             .iter_mut()
             .map(|l| {
                 l.sort_by(f64::total_cmp);
-                if l.len() < 4 { f64::NAN } else { l[l.len() / 2] }
+                let odd = |v: f64| !(1.0 / ODD..ODD).contains(&v);
+                if l.len() < 4 || odd(l[l.len() / 2]) { f64::NAN } else { l[l.len() / 2] }
             })
             .collect();
         fill(&mut values, columns, rows);
@@ -98,7 +103,9 @@ impl Field {
             } else {
                 (self.rest_at(x, low), self.rest_at(x, high))
             };
-            (b - a) / ((high - low) * here)
+            let slope = (b - a) / ((high - low) * here);
+            // Steeper is no light's slope but the rim of a shadow or of dead lenslets.
+            if slope.abs() < STEEPEST { slope } else { 0.0 }
         };
         let broad = self.broad_at(x, y);
         let step = 1.0;

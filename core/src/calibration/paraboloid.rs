@@ -31,7 +31,7 @@ pub fn top(plane: &Plane, x: usize, y: usize, reach: usize) -> Option<[f64; 2]> 
         return None;
     }
     let (dx, dy) = ((c4 * c2 - 2.0 * c5 * c1) / det, (c4 * c1 - 2.0 * c3 * c2) / det);
-    (dx.abs() <= 1.5 && dy.abs() <= 1.5).then(|| [x as f64 + dx, y as f64 + dy])
+    (dx.abs() <= 1.5 && dy.abs() <= 1.5).then_some([x as f64 + dx, y as f64 + dy])
 }
 
 #[cfg(test)]

@@ -6,6 +6,9 @@ use rayon::prelude::*;
 use super::{Grid, Lattice};
 use crate::container::{CameraFacts, Capture, Cfa, ColourFacts, Levels, RawMosaic};
 
+/// A true lenslet: lattice index and centre.
+pub type Planted = ([i32; 2], [f64; 2]);
+
 /// What to plant.
 #[derive(Debug, Clone)]
 pub struct Plant {
@@ -66,7 +69,7 @@ impl Plant {
     }
 
     /// The captures and the true centres (with their own offsets), by lattice index.
-    pub fn grow(&self) -> (Capture, Vec<([i32; 2], [f64; 2])>) {
+    pub fn grow(&self) -> (Capture, Vec<Planted>) {
         let lattice = self.lattice();
         let reach = 2 * (self.width.max(self.height) as f64 / self.pitch) as i32 + 12;
         let side = (2 * reach + 1) as usize;

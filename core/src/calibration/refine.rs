@@ -131,7 +131,7 @@ fn follow(places: &mut [Site], seen: &[Measured], near: f64, typical: f64) {
         {
             (site.x, site.y) = (m.x, m.y);
             // Its own brightness, unless something lies on it.
-            if (0.5..2.0).contains(&(m.gain / site.gain)) {
+            if (0.2..5.0).contains(&(m.gain / site.gain)) {
                 site.gain = m.gain;
             }
         }

@@ -1,6 +1,7 @@
 //! Each centre = lattice prediction + residual · trust, with trust = τ² / (τ² + σ²): τ² is the true scatter of lenslets about the
 //! lattice, σ² the variance of a lenslet's measurement. Both are estimated from the image: σ² from how well the profile fits
-//! lenslets of like brightness, τ² by maximum likelihood over all residuals. (Goes past paper section 3.2.)
+//! lenslets of like brightness, τ² by maximum likelihood over all residuals; of τ², only what neighbours do not share counts
+//! as the lenslets' own. (Goes past paper section 3.2.)
 
 use super::measure::Measured;
 use super::{Lattice, linear};
@@ -100,6 +101,9 @@ pub fn shrink(lattice: &Lattice, measured: &[Measured], width: usize, height: us
             *rest = [raw[0] - d[0], raw[1] - d[1]];
         }
     }
+    // Lenslets are placed one by one: what neighbours in a row share beyond the smooth distortion is not theirs but a
+    // scene's, a reflection's, a film of dust's, and counts as noise.
+    let shared = tau * likeness(measured, &rests, &accepted, tau);
     let mut sum = 0.0;
     let mut noise_sum = 0.0;
     let count = accepted.iter().filter(|&&ok| ok).count();
@@ -112,10 +116,10 @@ pub fn shrink(lattice: &Lattice, measured: &[Measured], width: usize, height: us
         .map(|((((m, rest), v), &ok), raw)| {
             let c = lattice.centre(m.i, m.j);
             let d = bend(&smooth, c, width, height);
-            let trust = if ok { [0, 1].map(|k| tau / (tau + v[k])) } else { [0.0; 2] };
+            let trust = if ok { [0, 1].map(|k| (tau - shared) / (tau + v[k])) } else { [0.0; 2] };
             if ok {
                 sum += raw[0] * raw[0] + raw[1] * raw[1];
-                noise_sum += 0.5 * (v[0] + v[1]);
+                noise_sum += shared + 0.5 * (v[0] + v[1]);
             }
             let at = [c[0] + d[0] + trust[0] * rest[0], c[1] + d[1] + trust[1] * rest[1]];
             (at, (0.5 * (trust[0] + trust[1])) as f32)
@@ -126,9 +130,23 @@ pub fn shrink(lattice: &Lattice, measured: &[Measured], width: usize, height: us
         centres,
         rejected: 1.0 - count as f64 / measured.len().max(1) as f64,
         residual_rms: (sum / n).sqrt(),
-        scatter: tau.sqrt(),
+        scatter: (tau - shared).max(0.0).sqrt(),
         noise: (noise_sum / n).sqrt(),
     }
+}
+
+/// Share of the scatter that neighbours of a row have in common, 0..1: mean product of their residuals over τ².
+fn likeness(measured: &[Measured], rests: &[[f64; 2]], accepted: &[bool], tau: f64) -> f64 {
+    let (mut sum, mut count) = (0.0, 0usize);
+    for k in 1..measured.len() {
+        let (m, n) = (&measured[k - 1], &measured[k]);
+        if accepted[k - 1] && accepted[k] && (m.j, m.i + 1) == (n.j, n.i) {
+            sum += 0.5 * (rests[k - 1][0] * rests[k][0] + rests[k - 1][1] * rests[k][1]);
+            count += 1;
+        }
+    }
+    // Fewer pairs tell nothing surer than a tenth.
+    if count < 100 || tau <= 0.0 { 0.0 } else { (sum / count as f64 / tau).clamp(0.0, 1.0) }
 }
 
 /// τ² that makes the residuals most likely: Σ (r² − τ² − σ²)/(τ² + σ²)² = 0, by bisection.
