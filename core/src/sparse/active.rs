@@ -17,6 +17,8 @@ pub(super) struct Task<'a> {
     /// Atoms enter above this (λ and what rounding can add).
     pub threshold: f32,
     pub nonnegative: bool,
+    /// Whether atoms whose coefficient would change sign leave; not in greedy pursuit.
+    pub keep_signs: bool,
     pub max_rounds: u32,
 }
 
@@ -219,7 +221,7 @@ pub(super) fn enter<S: Lanes, const C: usize>(
             }
         }
     }
-    if flipped {
+    if flipped && task.keep_signs {
         return walk::<S, C>(lanes, state, correlations, &mut target);
     }
     state.phi[..chunks].copy_from_slice(&target[..chunks]);

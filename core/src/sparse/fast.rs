@@ -10,7 +10,7 @@ use super::prepared::Prepared;
 use super::product::{self, GROUP};
 use super::simd::{Chunk, Kernel, Lanes, flat_mut};
 use super::solve::{Finished, push_sorted};
-use super::{Codes, Ended, Options, Penalty, gap};
+use super::{Codes, Ended, Options, Penalty, gap, omp};
 
 /// Signals in work at once.
 const SLOTS: usize = 2;
@@ -106,6 +106,7 @@ impl Kernel for Fast<'_> {
             lambda: 0.0,
             threshold: 0.0,
             nonnegative: options.nonnegative,
+            keep_signs: true,
             max_rounds: u32::try_from(options.max_iterations).unwrap_or(u32::MAX),
         };
         loop {
@@ -180,6 +181,53 @@ impl Kernel for Fast<'_> {
         }
         for solved in &mut solved[..count] {
             push_sorted(codes, &solved.entries, solved.lambda, &solved.finished);
+        }
+    }
+}
+
+/// A block of signals by greedy pursuit of at most `most` non-zeros (at most 16), appended to `codes`.
+pub(super) struct Greedy<'a> {
+    pub dictionary: &'a Prepared,
+    pub signals: &'a [f32],
+    pub most: usize,
+    pub scratch: &'a mut Scratch,
+    /// Takes a signal that f32 cannot do: its place, its correlations.
+    pub otherwise: &'a mut dyn FnMut(usize, &[Chunk], &mut Codes),
+    pub codes: &'a mut Codes,
+}
+
+/// Most non-zeros that [`Greedy`] does.
+pub(super) const MOST_GREEDY: usize = 16;
+
+impl Kernel for Greedy<'_> {
+    type Out = ();
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) {
+        let Greedy { dictionary, signals, most, scratch, otherwise, codes } = self;
+        let (m, width) = (dictionary.signal_len(), dictionary.width());
+        product::interleave(signals.chunks_exact(m), m, &mut scratch.interleaved);
+        product::correlate(lanes, dictionary, &scratch.interleaved, &mut scratch.correlations);
+        let Scratch { correlations, slots, peaks, .. } = scratch;
+        let Some(slot) = slots.first_mut() else { return };
+        let most = most.min(m).min(dictionary.atom_count()).min(MOST_GREEDY);
+        let task = active::Task {
+            dictionary,
+            lambda: 0.0,
+            threshold: 0.0,
+            nonnegative: false,
+            keep_signs: false,
+            max_rounds: u32::MAX,
+        };
+        for (n, (signal, row)) in signals.chunks_exact(m).zip(correlations.chunks_exact_mut(width)).enumerate() {
+            let norm = signal.iter().map(|v| v * v).sum::<f32>().sqrt();
+            slot.small.clear();
+            let fits = norm == 0.0 || (1e-12..1e12).contains(&norm);
+            if fits && omp::pursue(lanes, &task, row, most, 1e-6 * norm, &mut slot.small, peaks) {
+                omp::take(dictionary, &slot.small, codes);
+            } else {
+                codes.redone_in_f64 += 1;
+                otherwise(n, row, codes);
+            }
         }
     }
 }

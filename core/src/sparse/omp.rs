@@ -1,10 +1,60 @@
 //! Orthogonal matching pursuit (Batch-OMP, Rubinstein et al. 2008): greedy min ½‖y − Dᵀφ‖² with at most T non-zeros.
 //!
-//! Each step takes the atom most correlated with the residual, then refits all of them by least squares, through a
+//! The plain way, in f64, and a fast one in f32 beside it. Each step takes the atom most correlated with the residual, then refits all of them by least squares, through a
 //! Cholesky factor of the support's Gram matrix grown by a row a step. Work happens in correlations, not in residuals.
 
-use super::Ended;
+use super::active::{self, State};
+use super::near::{self, Newcomer};
+use super::prepared::Prepared;
+use super::simd::{Chunk, Lanes};
 use super::solve::{Finished, Problem, Work};
+use super::{Codes, Ended};
+
+/// One signal in f32, on the state of the active set with λ = 0 (the refit is the same rank-one step, signs left alone).
+/// False where a support is too ill-conditioned for it: then [`solve`].
+#[inline(always)]
+pub(super) fn pursue<S: Lanes, const C: usize>(
+    lanes: S,
+    task: &active::Task<'_>,
+    correlations: &mut [Chunk],
+    most: usize,
+    stop: f32,
+    state: &mut State<C>,
+    peaks: &mut [Chunk],
+) -> bool {
+    let (width, gram) = (task.dictionary.width(), task.dictionary.gram());
+    while state.n < most {
+        let largest = near::look_everywhere(lanes, task, correlations, state.support(), state.values(), peaks);
+        if largest <= stop {
+            break;
+        }
+        let Some(chunk) = super::simd::flat(peaks).iter().position(|&p| p == largest) else { return false };
+        state.near[0] = chunk as u32;
+        let mut c = lanes.load(&correlations[chunk]);
+        for member in 0..state.n {
+            let part = gram[state.support()[member] as usize * width + chunk];
+            c = lanes.fnma(lanes.splat(state.values()[member]), lanes.load(&part), c);
+            state.near_rows.as_flattened_mut()[member][0] = part;
+        }
+        let lane = lanes.largest((lanes.abs(c), c)).2;
+        let atom = chunk * 16 + lane;
+        if state.support().contains(&(atom as u32)) {
+            return false;
+        }
+        if !active::enter(lanes, task, correlations, state, Newcomer { atom, at: 0, lane }) {
+            return false;
+        }
+    }
+    true
+}
+
+/// Appends what [`pursue`] found.
+#[inline(always)]
+pub(super) fn take<const C: usize>(dictionary: &Prepared, state: &State<C>, codes: &mut Codes) {
+    let mut entries: Vec<(u32, f32)> = state.support().iter().copied().zip(state.values().iter().copied()).collect();
+    let finished = Finished { gap: f64::NAN, iterations: state.rounds, ended: Ended::Converged };
+    super::solve::push(codes, dictionary, &mut entries, 0.0, &finished);
+}
 
 /// Solves one signal.
 pub(super) fn solve(problem: &Problem<'_>, work: &mut Work) -> Finished {

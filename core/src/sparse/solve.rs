@@ -1,7 +1,7 @@
 //! One call for all solvers: checks, blocks of signals over the rayon pool, D y as one product a block, codes in order.
 
-use super::fast::{Fast, Scratch};
-use super::simd::{dispatch, flat};
+use super::fast::{Fast, Greedy, MOST_GREEDY, Scratch};
+use super::simd::{Chunk, dispatch, flat};
 use super::{
     Codes, Ended, Error, Options, Penalty, Prepared, Solver, descent, gap, homotopy, omp, prepared, product, proximal,
 };
@@ -178,6 +178,20 @@ fn solve_block(
         if matches!(options.solver, Solver::Auto | Solver::ActiveSet) && !counted {
             let fast = Fast { dictionary, signals: part, options, scratch, codes: &mut codes };
             dispatch(dictionary.simd(), fast);
+            continue;
+        }
+        if let Penalty::NonZeros(most) = options.penalty
+            && most <= MOST_GREEDY
+            && !options.nonnegative
+            && options.solver != Solver::Homotopy
+        {
+            let mut otherwise = |n: usize, correlations: &[Chunk], codes: &mut Codes| {
+                let correlations = &flat(correlations)[..dictionary.atom_count()];
+                solve_plainly(dictionary, &part[n * m..(n + 1) * m], correlations, options, work, codes);
+            };
+            let otherwise = &mut otherwise;
+            let greedy = Greedy { dictionary, signals: part, most, scratch, otherwise, codes: &mut codes };
+            dispatch(dictionary.simd(), greedy);
             continue;
         }
         product::interleave(part.chunks_exact(m), m, &mut scratch.interleaved);
