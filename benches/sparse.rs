@@ -1,4 +1,5 @@
 //! Sparse coding over (m, K, λ) and over solvers, on random dictionaries: `cargo bench --bench sparse`.
+#![allow(missing_docs, clippy::unwrap_used)]
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use lenslet_core::sparse::{self, Options, Penalty, Simd, Solver};

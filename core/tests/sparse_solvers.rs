@@ -1,4 +1,5 @@
 //! The sparse solvers against other tools' answers, against each other, and against what must hold of any answer.
+#![allow(clippy::unwrap_used)]
 
 use lenslet_core::sparse::{self, Codes, Ended, Error, Options, Penalty, Prepared, Simd, Solver};
 use ndarray::{Array1, Array2, Array3, Axis, s};

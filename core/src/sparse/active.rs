@@ -5,6 +5,8 @@
 //! stops there and the atom leaves. The inverse of G_SS is kept explicitly and updated by rank one. Rounds look only at
 //! the few chunks of atoms that violated most when all were last looked at (see [`super::near`]). All in f32: the result
 //! is a candidate for the f64 certificate; where that fails the f64 solver takes over.
+// Loops by index: iterator chains are not always inlined into the function that has the processor's features.
+#![allow(clippy::needless_range_loop)]
 
 use super::near::{NEAR, Newcomer};
 use super::prepared::Prepared;
