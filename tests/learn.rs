@@ -115,7 +115,8 @@ fn photos_become_a_dictionary_that_reconstructs() {
     let mut bytes = std::fs::read(&out).unwrap();
     bytes[8] = 77;
     std::fs::write(at("other.lfd"), &bytes).unwrap();
-    let arguments = ["infer", text(&at("field.npy")), "--out", text(&at("c.npy")), "--dictionary"];
+    let (field, third) = (at("field.npy"), at("c.npy"));
+    let arguments = ["infer", text(&field), "--out", text(&third), "--dictionary"];
     let with = |d: &Path| lenslet(&[&arguments[..], &[text(d)]].concat());
     refused(&with(&at("other.lfd")), 1, &["other.lfd", "version 77", "newer lenslet"]);
     std::fs::write(at("cut.lfd"), &bytes[..200]).unwrap();
