@@ -17,10 +17,13 @@ pub fn pfm(plane: &[f32], (width, height): (usize, usize)) -> Vec<u8> {
     out
 }
 
+/// Smallest and largest finite value of a plane, if any is finite.
+pub type Range = Option<(f32, f32)>;
+
 /// A plane as 16-bit grey .png, its smallest finite value 0 and its largest 65535 (returned as well).
-pub fn png(plane: &[f32], (width, height): (usize, usize)) -> Option<(Vec<u8>, Option<(f32, f32)>)> {
+pub fn png(plane: &[f32], (width, height): (usize, usize)) -> Option<(Vec<u8>, Range)> {
     let finite = plane.iter().copied().filter(|v| v.is_finite());
-    let range = finite.fold(None, |r: Option<(f32, f32)>, v| Some(r.map_or((v, v), |(a, b)| (a.min(v), b.max(v)))));
+    let range = finite.fold(None, |r: Range, v| Some(r.map_or((v, v), |(a, b)| (a.min(v), b.max(v)))));
     let (low, high) = range.unwrap_or((0.0, 0.0));
     let scale = if high > low { 65535.0 / (f64::from(high) - f64::from(low)) } else { 0.0 };
     let grey = plane.iter().map(|v| ((f64::from(*v) - f64::from(low)) * scale).round() as u16).collect();

@@ -164,7 +164,8 @@ pub fn load(path: &Path) -> Result<HexSamples, Error> {
     let view_step = if n > 1 { -offsets[0] / (n / 2) as f64 } else { 1.0 };
     let side = |v: i32| usize::try_from(v).ok().filter(|&v| v > 0 && v <= 1 << 20);
     let (Some(width), Some(height)) = (side(sensor[0]), side(sensor[1])) else { return Err(disagree()) };
-    if !(view_step > 0.0 && view_step < 1e3) || !centres.iter().all(|c| c.abs() < 1e9) {
+    let sane = view_step > 0.0 && view_step < 1e3 && centres.iter().all(|c| c.abs() < 1e9);
+    if !sane {
         return Err(disagree());
     }
     Ok(HexSamples {

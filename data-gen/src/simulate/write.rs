@@ -37,7 +37,7 @@ impl Truth {
     /// [`Error::Parameter`] naming the first value out of range.
     pub fn check(&self) -> Result<(), Error> {
         let bad = |text: String| Err(Error::Parameter(text));
-        if self.views % 2 == 0 || self.views > 15 {
+        if self.views.is_multiple_of(2) || self.views > 15 {
             return bad(format!("the views a side must be odd and at most 15, not {}", self.views));
         }
         if !(self.view_step > 0.0 && self.view_step <= 4.0) {
