@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::Context as _;
+use lenslet::infer;
 use lenslet::report::picture::{self, Crop};
 use lenslet::report::{Page, Picture, Stage, Table, plot};
 use lenslet::resample::{self, Method, RenderOptions, Target, encode, multiview};
@@ -165,6 +166,24 @@ fn reconstruct(samples: &HexSamples, target: &Target, observer: &dyn Observer) -
         seconds: began.elapsed().as_secs_f64(),
         scores: Vec::new(),
     });
+    let dictionary = infer::embedded()?;
+    let reconstructor = infer::Reconstructor::new(&dictionary, &infer::Options::default())?;
+    for (base, name, about) in [
+        ("barycentric", "learned", "dictionary reconstruction of the barycentric views (paper 4.4)"),
+        ("multiview", "learned on multiview", "dictionary reconstruction of the multiview ones"),
+    ] {
+        let began = Instant::now();
+        observer.begin(name, SCORED.len() as u64);
+        let mut views = Vec::new();
+        for base in results.iter().filter(|r| r.name == base).flat_map(|r| &r.views) {
+            if observer.cancelled() {
+                return Err(Interrupted.into());
+            }
+            views.push(reconstructor.view(base)?);
+            observer.advance(1);
+        }
+        results.push(Reconstruction { name, about, views, seconds: began.elapsed().as_secs_f64(), scores: Vec::new() });
+    }
     Ok(results)
 }
 
@@ -210,7 +229,8 @@ fn write_pictures(root: &Path, results: &[Reconstruction], truth: &Array3<f32>) 
         let file: String = name.chars().map(|c| if c == ' ' { '-' } else { c }).collect();
         output::write_file(&root.join("pictures").join(format!("{file}.png")), false, &Picture::png(view, 1)?.bytes)?;
     }
-    let shown: Vec<_> = results.iter().filter(|r| r.name != "cubic").map(|r| (r.name, &r.views[0])).collect();
+    let strip_of = ["bicubic", "barycentric", "multiview", "learned"];
+    let shown: Vec<_> = results.iter().filter(|r| strip_of.contains(&r.name)).map(|r| (r.name, &r.views[0])).collect();
     let side = (truth.dim().0 / 5).clamp(24, 80);
     let mut rows = Vec::new();
     for (k, (_, x, y)) in CROPS.into_iter().enumerate().filter(|(k, _)| [0, 2].contains(k)) {
