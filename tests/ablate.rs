@@ -1,5 +1,7 @@
 //! `lenslet ablate` as its users run it.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
+
 use std::fs;
 use std::path::Path;
 use std::process::Output;

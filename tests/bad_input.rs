@@ -1,5 +1,7 @@
 //! Wrong input to the whole program: one line on stderr, the right exit code, nothing half-written.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
+
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};

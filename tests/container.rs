@@ -1,5 +1,7 @@
 //! `lenslet info` and `lenslet extract` as a user calls them.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;

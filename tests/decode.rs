@@ -1,5 +1,7 @@
 //! `lenslet decode` as a whole: one capture, several, a folder, bad ones among them, and what is left behind.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 

@@ -1,5 +1,7 @@
 //! `demo`: runs from nothing, and what it writes holds what it says.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
+
 use std::process::{Command, Output};
 
 fn lenslet(arguments: &[&str]) -> Output {

@@ -1,5 +1,7 @@
 //! Dictionaries from the command line: photos → pairs, photos → dictionary → reconstruction, and what is refused.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
+
 use std::path::{Path, PathBuf};
 use std::process::Output;
 

@@ -1,5 +1,7 @@
 //! `lenslet score` as its users run it.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
+
 use std::path::Path;
 
 use assert_cmd::Command;

@@ -1,5 +1,7 @@
 //! `simulate`, and the way back from its captures: calibrate, decode, compare with the truth.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
+
 use std::path::Path;
 use std::process::{Command, Output};
 

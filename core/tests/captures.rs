@@ -1,5 +1,7 @@
 //! Captures of every kind, written and read again; wrong ones refused with a reason.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
+
 use std::fs;
 use std::path::{Path, PathBuf};
 

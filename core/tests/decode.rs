@@ -1,5 +1,7 @@
 //! Decoding planted scenes: what a small simulated sensor saw must come back, view by view.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
+
 use lenslet_core::calibration::{Calibration, Lenslet, Vignetting};
 use lenslet_core::container::{CameraFacts, Capture, Cfa, ColourFacts, Levels, RawMosaic};
 use lenslet_core::decode::{self, Demosaic, Error, HexSamples, Options, Step, WhiteBalance};

@@ -1,6 +1,8 @@
 //! Damaged and malicious files: every reader gives an error or a value that keeps its promises, within bounded memory.
 //! Each reader is fed its small file cut off at every length and 20,000 seeded mutations of it.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
+
 mod common;
 
 use std::fs;

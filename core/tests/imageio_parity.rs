@@ -1,5 +1,7 @@
 //! The same pixels as imageio's readers `lytro-f01-raw` and `lytro-illum-raw` (fixture and generator: tests/reference/imageio_raw.*).
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
+
 use lenslet_core::container::{open, profile};
 use sha2::{Digest, Sha256};
 

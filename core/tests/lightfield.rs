@@ -1,5 +1,7 @@
 //! Light fields on disk: written, read back, refused when wrong.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
+
 use std::fs;
 use std::path::Path;
 

@@ -1,6 +1,8 @@
 //! Damaged light fields: cut off at every length and with random changes, every reader answers with an error or with
 //! finite values of the declared shape, and never panics.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
+
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -1,5 +1,7 @@
 //! Light fields of other tools: .npy of every kind, MATLAB files, folders of numbered pictures, lenslet pictures.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
+
 use std::fs;
 use std::path::{Path, PathBuf};
 

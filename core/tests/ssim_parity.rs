@@ -1,5 +1,7 @@
 //! SSIM and PSNR against scikit-image, on pictures stored by `reference/make_ssim_fixture.py`.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
+
 use std::path::PathBuf;
 
 use lenslet_core::metrics::{Window, psnr, ssim};

@@ -1,5 +1,7 @@
 //! Which white image belongs to a capture, out of folders, bundles and archives.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
+
 use std::fs;
 use std::path::Path;
 

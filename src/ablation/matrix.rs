@@ -182,6 +182,9 @@ impl Default for Chain {
 
 impl Chain {
     /// The decoder's steps for this chain.
+    ///
+    /// # Errors
+    /// A name of a kind that there is not.
     pub fn steps(&self) -> Result<Vec<Step>> {
         let kind = match self.demosaic.as_str() {
             "malvar" => Demosaic::Malvar,

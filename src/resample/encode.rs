@@ -22,6 +22,8 @@ pub fn srgb(view: &Array3<f32>) -> Array3<f32> {
     if let Some(flat) = out.as_slice_mut() {
         flat.par_chunks_mut(1 << 15).for_each(|part| {
             for v in part {
+                // max before min, not clamp: NaN becomes 0.
+                #[allow(clippy::manual_clamp)]
                 let x = v.max(0.0).min(1.0) * STEPS as f32;
                 let k = (x as usize).min(STEPS);
                 let (a, b) = (table[k], table[k + 1]);

@@ -268,7 +268,11 @@ pub fn validate(dictionary: &Dictionary) -> Result<(), Error> {
 fn validate_pass(pass: &Pass) -> Result<(), Error> {
     let wrong = |what: String| Err(Error::Parameter(what));
     let (p2, m) = (pass.patch * pass.patch, pass.filters.nrows());
-    if pass.support > limits::SIDE || pass.patch > pass.support || pass.support.is_multiple_of(2) || pass.patch.is_multiple_of(2) {
+    if pass.support > limits::SIDE
+        || pass.patch > pass.support
+        || pass.support.is_multiple_of(2)
+        || pass.patch.is_multiple_of(2)
+    {
         return wrong(format!("window of {} and patch of {} pixels do not fit", pass.support, pass.patch));
     }
     if m == 0 || m > limits::FEATURES || pass.filters.ncols() != pass.support * pass.support {

@@ -205,7 +205,7 @@ mod tests {
         let flat = Crop { photo: 0, high: Array2::from_elem((30, 30), 0.5), low: Array2::from_elem((30, 30), 0.4) };
         let (filters, _) = learn_filters(&[crop()], 5, 6).unwrap();
         let options = PatchOptions { patch: 3, window: 5, ..PatchOptions::default() };
-        assert_eq!(pairs(&[flat.clone()], &filters, &options).unwrap().features.nrows(), 0);
+        assert_eq!(pairs(std::slice::from_ref(&flat), &filters, &options).unwrap().features.nrows(), 0);
         assert!(learn_filters(&[flat], 5, 6).is_err());
         assert!(pairs(&[crop()], &filters, &PatchOptions { patch: 4, ..options.clone() }).is_err());
         assert!(pairs(&[crop()], &filters, &PatchOptions { window: 7, ..options }).is_err());

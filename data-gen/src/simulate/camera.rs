@@ -119,7 +119,7 @@ impl Camera {
         if count > 4e6 {
             return Err(Error::Parameter(format!("{count:.0} lenslets are too many: at most 4000000")));
         }
-        within("the rotation (radians)", self.rotation, -0.5236, 0.5236)?;
+        within("the rotation (radians)", self.rotation, -std::f64::consts::FRAC_PI_6, std::f64::consts::FRAC_PI_6)?;
         within("the row stretch", self.row_stretch, 0.9, 1.1)?;
         within("the offset", self.offset[0], -1e4, 1e4)?;
         within("the offset", self.offset[1], -1e4, 1e4)?;

@@ -184,7 +184,7 @@ fn spline(f: f32) -> [f32; 4] {
 }
 
 /// Separable Gaussian with borders repeated.
-fn blur(texels: &mut Vec<[f32; 4]>, columns: usize, rows: usize, sigma: f64) {
+fn blur(texels: &mut [[f32; 4]], columns: usize, rows: usize, sigma: f64) {
     let reach = (4.0 * sigma).ceil() as usize;
     let mut kernel: Vec<f32> =
         (0..=2 * reach).map(|k| (-(k as f64 - reach as f64).powi(2) / (2.0 * sigma * sigma)).exp() as f32).collect();

@@ -114,7 +114,7 @@ pub fn photos(
             continue;
         }
         // A print of about two fifths of the canvas, one after the other round the middle.
-        let angle = 2.4 * k as f64 + 6.28 * f64::from(hash(k as i32, 0, frame.seed));
+        let angle = 2.4 * k as f64 + std::f64::consts::TAU * f64::from(hash(k as i32, 0, frame.seed));
         let middle = [0.5 * hx * angle.cos(), 0.5 * hy * angle.sin()];
         let lean = 0.4 * f64::from(hash(k as i32, 1, frame.seed)) - 0.2;
         let per_pitch = w.max(h) / (0.9 * hx.min(hy));
