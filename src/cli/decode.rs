@@ -44,6 +44,10 @@ pub struct Args {
     /// What learned reconstruction starts from: barycentric, cubic or multiview
     #[arg(long, value_name = "METHOD")]
     base: Option<Method>,
+    /// What learned reconstruction takes a sample for: a point of the view, or the mean over the lenslet, which it then
+    /// sharpens as well (and the noise with it)
+    #[arg(long, default_value = "point", value_parser = ["point", "lenslet"])]
+    footprint: String,
     /// Views a row and a column (odd, up to 15)
     #[arg(long, default_value_t = 7, value_name = "N")]
     views: usize,
@@ -276,8 +280,11 @@ fn one(args: &Args, job: &Job, shelf: &mut Shelf, context: &Context) -> anyhow::
     let size = meta.size;
     let mut sink = lightfield::create(&job.out, meta, args.format(), args.force)?;
     let target = Target { width: size[1], height: size[0] };
-    let options =
+    let mut options =
         RenderOptions { base: args.base.unwrap_or(RenderOptions::default().base), ..RenderOptions::default() };
+    if args.footprint == "lenslet" {
+        options.infer.footprint = lenslet_core::dictionary::Footprint::Lenslet;
+    }
     let mut writing = std::time::Duration::ZERO;
     let mut put = |v: usize, u: usize, view: &ndarray::Array3<f32>| -> anyhow::Result<()> {
         let begin = Instant::now();

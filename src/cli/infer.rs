@@ -35,7 +35,7 @@ pub struct Args {
     #[arg(long, conflicts_with = "fast")]
     best: bool,
     /// What a sample of the light field saw
-    #[arg(long, default_value = "lenslet", value_parser = ["point", "lenslet"])]
+    #[arg(long, default_value = "point", value_parser = ["point", "lenslet"])]
     footprint: String,
     /// Enlarge the views by this first
     #[arg(long, value_name = "N")]

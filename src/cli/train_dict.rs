@@ -152,13 +152,22 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if args.resume && !checkpoint.exists() {
         anyhow::bail!("{} does not exist: nothing to resume; start without --resume", checkpoint.display());
     }
-    let open =
-        std::fs::OpenOptions::new().create(true).write(true).append(args.resume).truncate(!args.resume).open(&log);
-    let mut log = open.with_context(|| format!("cannot write {}", log.display()))?;
+    // Opened with the first epoch: training that cannot begin leaves nothing behind.
+    let mut file = None;
     let mut lost = None;
     let mut line = |epoch: &lenslet_train::Epoch| {
-        let written = serde_json::to_string(epoch).map_err(std::io::Error::other);
-        if let Err(e) = written.and_then(|text| writeln!(log, "{text}")) {
+        let mut write = || -> std::io::Result<()> {
+            let file = match &mut file {
+                Some(file) => file,
+                None => {
+                    let mut open = std::fs::OpenOptions::new();
+                    open.create(true).write(true).append(args.resume).truncate(!args.resume);
+                    file.insert(open.open(&log)?)
+                }
+            };
+            writeln!(file, "{}", serde_json::to_string(epoch).map_err(std::io::Error::other)?)
+        };
+        if let Err(e) = write() {
             lost = Some(e);
         }
     };
@@ -168,7 +177,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         other => other?,
     };
     if let Some(e) = lost {
-        return Err(anyhow::Error::new(e).context("the log of epochs could not be written"));
+        return Err(anyhow::Error::new(e).context(format!("cannot write {}", log.display())));
     }
     dictionary::save(&args.out, &outcome.dictionary, args.force)?;
     // Its work is done; a leftover would only be in the way.

@@ -32,7 +32,8 @@ pub enum Mode {
 pub struct Options {
     /// How much work.
     pub mode: Mode,
-    /// What a sample of the view was; a dictionary without a model for it lends its first one.
+    /// What a sample of the view was: a point (the default: nothing is sharpened beyond what was measured) or the mean over
+    /// the lenslet, which is undone as well, noise included; a dictionary without a model for it lends its first one.
     pub footprint: Footprint,
     /// Pixels between patches instead of the mode's own.
     pub step: Option<usize>,
@@ -48,7 +49,7 @@ impl Default for Options {
     fn default() -> Self {
         Options {
             mode: Mode::Learned,
-            footprint: Footprint::Lenslet,
+            footprint: Footprint::Point,
             step: None,
             lambda: None,
             ensemble: None,

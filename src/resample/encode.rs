@@ -43,7 +43,8 @@ mod tests {
         let n = 1_000_003;
         let view = Array3::from_shape_fn((1, n, 1), |(_, k, _)| k as f32 / (n - 1) as f32);
         for (x, y) in view.iter().zip(&srgb(&view)) {
-            assert!((colour::encode(*x) - y).abs() < 6e-7, "{x}");
+            // Far below half a step of 16 bits, 7.6e-6; worst at the bend of the curve.
+            assert!((colour::encode(*x) - y).abs() < 2e-6, "{x}: {y}");
         }
         let odd = Array3::from_shape_vec((1, 4, 1), vec![-1.0, 2.0, f32::NAN, f32::INFINITY]).unwrap();
         assert_eq!(srgb(&odd).as_slice().unwrap()[0], 0.0);
