@@ -95,7 +95,7 @@ fn peak() -> usize {
 /// The bound this file's readers keep together (tests run side by side).
 fn bounded() {
     println!("peak memory so far: {} MiB", peak());
-    assert!(peak() < 1500, "{} MiB", peak());
+    assert!(peak() < 600, "{} MiB", peak());
 }
 
 fn container_bytes(white: bool) -> Vec<u8> {
