@@ -31,7 +31,7 @@ pub struct Args {
     /// Anchored regressors instead of LASSO codes: faster
     #[arg(long)]
     fast: bool,
-    /// Anchored regressors on every pixel's patch, averaged over mirrored copies: slower
+    /// LASSO codes averaged over four mirrored copies of each view: slower
     #[arg(long, conflicts_with = "fast")]
     best: bool,
     /// What a sample of the light field saw

@@ -21,7 +21,7 @@ pub enum Mode {
     Learned,
     /// Anchored regressors, patches further apart.
     Fast,
-    /// Anchored regressors, patches close together, averaged over mirrored copies.
+    /// The LASSO codes, averaged over four mirrored copies of the view.
     Best,
     /// One ridge regressor for all patches: what a linear filter alone gives.
     Ridge,
@@ -84,7 +84,7 @@ impl Reconstructor {
         let (path, step, ensemble) = match options.mode {
             Mode::Learned => (Path::Lasso, 2, 1),
             Mode::Fast => (Path::Anchored, 3, 1),
-            Mode::Best => (Path::Anchored, 1, 4),
+            Mode::Best => (Path::Lasso, 2, 4),
             Mode::Ridge => (Path::Linear, 3, 1),
         };
         let least = model.passes.iter().map(|p| p.patch).min().unwrap_or(1);

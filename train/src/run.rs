@@ -512,3 +512,143 @@ fn mean_psnr(errors: impl Iterator<Item = f64>) -> Option<f64> {
     let all: Vec<f64> = errors.map(|e| -10.0 * e.max(1e-10).log10()).collect();
     if all.is_empty() { None } else { Some(all.iter().sum::<f64>() / all.len() as f64) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lenslet_core::progress::Silent;
+    use rand::RngExt;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    /// Photos of overlapping discs and bars: edges of all directions.
+    fn photos(folder: &Path, count: u64) -> Vec<PathBuf> {
+        (0..count)
+            .map(|n| {
+                let mut rng = ChaCha8Rng::seed_from_u64(n);
+                let mut plane = Array2::<f32>::from_elem((150, 150), 120.0);
+                for _ in 0..60 {
+                    let (cx, cy, r) = (
+                        rng.random_range(0.0..150.0f32),
+                        rng.random_range(0.0..150.0f32),
+                        rng.random_range(4.0..25.0f32),
+                    );
+                    let (level, angle) = (rng.random_range(20.0..235.0f32), rng.random_range(0.0..3.2f32));
+                    let bar = rng.random::<bool>();
+                    for ((y, x), v) in plane.indexed_iter_mut() {
+                        let (dx, dy) = (x as f32 - cx, y as f32 - cy);
+                        let (along, across) =
+                            (dx * angle.cos() + dy * angle.sin(), dy * angle.cos() - dx * angle.sin());
+                        let inside = if bar { along.abs() < r && across.abs() < 3.0 } else { dx.hypot(dy) < r };
+                        if inside {
+                            *v = level;
+                        }
+                    }
+                }
+                let path = folder.join(format!("{n}.png"));
+                image::GrayImage::from_fn(150, 150, |x, y| image::Luma([plane[[y as usize, x as usize]] as u8]))
+                    .save(&path)
+                    .unwrap();
+                path
+            })
+            .collect()
+    }
+
+    fn tiny() -> Parameters {
+        Parameters {
+            atoms: 32,
+            patch: 5,
+            window: 5,
+            features: 16,
+            epochs: 2,
+            refine: 2,
+            batch: 128,
+            pairs: 3000,
+            crop: 100,
+            crops: 2,
+            shrink: 1.0,
+            footprints: vec![Footprint::Lenslet, Footprint::Point],
+            anchors: 16,
+            neighbours: 300,
+            held_out: 3,
+            ..Parameters::default()
+        }
+    }
+
+    fn bytes(outcome: &Outcome) -> Vec<u8> {
+        dictionary::to_bytes(&outcome.dictionary).unwrap()
+    }
+
+    #[test]
+    fn training_beats_the_low_image_on_photos_it_never_saw() {
+        let folder = tempfile::tempdir().unwrap();
+        let photos = photos(folder.path(), 6);
+        for algorithm in [Algorithm::Online, Algorithm::Ksvd, Algorithm::Ista] {
+            let parameters = Parameters { algorithm, footprints: vec![Footprint::Lenslet], ..tiny() };
+            let outcome = train(&photos, &parameters, None, false, &Silent, &mut |_| ()).unwrap();
+            let last = outcome.trace.last().unwrap();
+            assert_eq!(last.stage, "done");
+            let (learned, low) = (last.held_out_psnr.unwrap(), last.low_psnr.unwrap());
+            assert!(learned > low + 0.5, "{algorithm:?}: {learned} dB from {low} dB");
+            assert!(dictionary::validate(&outcome.dictionary).is_ok());
+        }
+    }
+
+    #[test]
+    fn threads_do_not_matter() {
+        let folder = tempfile::tempdir().unwrap();
+        let photos = photos(folder.path(), 3);
+        let parameters = Parameters { passes: 2, footprints: vec![Footprint::Point], ..tiny() };
+        let run = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| bytes(&train(&photos, &parameters, None, false, &Silent, &mut |_| ()).unwrap()))
+        };
+        assert_eq!(run(1), run(3));
+    }
+
+    /// Asks to stop once this many epochs have been reported.
+    struct Stop(AtomicUsize, usize);
+
+    impl Observer for Stop {
+        fn note(&self, _: &str) {
+            self.0.fetch_add(1, Ordering::SeqCst);
+        }
+        fn cancelled(&self) -> bool {
+            self.0.load(Ordering::SeqCst) >= self.1
+        }
+    }
+
+    #[test]
+    fn a_resumed_run_gives_what_the_uninterrupted_one_gives() {
+        let folder = tempfile::tempdir().unwrap();
+        let photos = photos(folder.path(), 3);
+        let parameters = tiny();
+        let whole = train(&photos, &parameters, None, false, &Silent, &mut |_| ()).unwrap();
+        let path = folder.path().join("checkpoint");
+        for after in [1, 3, 5, 6, 9] {
+            let stop = Stop(AtomicUsize::new(0), after);
+            let cut = train(&photos, &parameters, Some(&path), false, &stop, &mut |_| ());
+            assert!(matches!(cut, Err(Error::Interrupted)), "after {after}");
+            let resumed = train(&photos, &parameters, Some(&path), true, &Silent, &mut |_| ()).unwrap();
+            assert_eq!(bytes(&resumed), bytes(&whole), "after {after}");
+            assert_eq!(resumed.trace.len(), whole.trace.len());
+        }
+        let other = Parameters { seed: 2, ..tiny() };
+        let refused = train(&photos, &other, Some(&path), true, &Silent, &mut |_| ());
+        assert!(matches!(refused, Err(Error::Checkpoint { .. })));
+        std::fs::write(&path, b"no checkpoint").unwrap();
+        let refused = train(&photos, &parameters, Some(&path), true, &Silent, &mut |_| ());
+        assert!(matches!(refused, Err(Error::Checkpoint { .. })));
+    }
+
+    #[test]
+    fn what_cannot_be_learned_from_is_said() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("text.png"), b"text").unwrap();
+        image::GrayImage::from_pixel(200, 200, image::Luma([9])).save(folder.path().join("flat.png")).unwrap();
+        let all = [folder.path().to_path_buf()];
+        let error = train(&all, &tiny(), None, false, &Silent, &mut |_| ()).unwrap_err().to_string();
+        assert!(error.contains("flat.png") && error.contains("text.png"), "{error}");
+        let wrong = Parameters { atoms: 1, ..tiny() };
+        assert!(matches!(train(&all, &wrong, None, false, &Silent, &mut |_| ()), Err(Error::Parameter(_))));
+    }
+}

@@ -330,3 +330,111 @@ fn models(header: &Header, reader: &Reader<'_>) -> Result<Vec<Model>, String> {
     }
     Ok(models)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dictionary::tests::small;
+    use proptest::prelude::*;
+
+    #[test]
+    fn a_file_gives_back_what_was_saved() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.lfd");
+        let dictionary = small(3);
+        save(&path, &dictionary, false).unwrap();
+        assert_eq!(load(&path).unwrap(), dictionary);
+        assert!(matches!(save(&path, &dictionary, false), Err(Error::Output(_))));
+        let bytes = std::fs::read(&path).unwrap();
+        assert_eq!(bytes, to_bytes(&load(&path).unwrap()).unwrap());
+        assert!(matches!(load(&folder.path().join("absent.lfd")), Err(Error::Io { .. })));
+    }
+
+    #[test]
+    fn bytes_keep_maps_to_half_a_step() {
+        let mut dictionary = small(3);
+        dictionary.storage = Storage::I8;
+        let back = from_bytes(&to_bytes(&dictionary).unwrap(), "x").unwrap();
+        let maps = |d: &Dictionary| d.models[0].passes[0].anchored.as_ref().unwrap().maps.clone();
+        let (before, after) = (maps(&dictionary), maps(&back));
+        for (b, a) in before.rows().into_iter().zip(after.rows()) {
+            let step = b.iter().fold(0.0f32, |m, v| m.max(v.abs())) / 127.0;
+            assert!(b.iter().zip(a).all(|(x, y)| (x - y).abs() <= 0.5001 * step));
+        }
+        assert_eq!(back.models[0].passes[0].low, dictionary.models[0].passes[0].low);
+    }
+
+    #[test]
+    fn another_version_is_named_with_what_to_do() {
+        let mut bytes = to_bytes(&small(1)).unwrap();
+        bytes[8] = 9;
+        let error = from_bytes(&bytes, "old.lfd").unwrap_err().to_string();
+        assert!(error.contains("old.lfd") && error.contains("version 9") && error.contains("newer lenslet"), "{error}");
+        bytes[8] = 0;
+        let error = from_bytes(&bytes, "old.lfd").unwrap_err().to_string();
+        assert!(error.contains("train it again"), "{error}");
+        assert!(matches!(from_bytes(b"just text", "t"), Err(Error::NotDictionary { .. })));
+        assert!(matches!(from_bytes(b"", "t"), Err(Error::NotDictionary { .. })));
+    }
+
+    #[test]
+    fn no_truncation_is_accepted() {
+        let bytes = to_bytes(&small(1)).unwrap();
+        for n in 0..bytes.len() {
+            assert!(from_bytes(&bytes[..n], "t").is_err(), "{n} of {} bytes", bytes.len());
+        }
+    }
+
+    #[test]
+    fn a_header_that_lies_about_sizes_is_refused() {
+        let bytes = to_bytes(&small(1)).unwrap();
+        let length = u64::from_le_bytes(bytes[16..24].try_into().unwrap()) as usize;
+        let (mut header, _): (Header, usize) =
+            bincode::serde::decode_from_slice(&bytes[FIXED..FIXED + length], configuration()).unwrap();
+        let payload = bytes[(FIXED + length).next_multiple_of(ALIGN)..].to_vec();
+        let rebuilt = |header: &Header| {
+            let h = bincode::serde::encode_to_vec(header, configuration()).unwrap();
+            let mut out = bytes[..16].to_vec();
+            out.extend_from_slice(&(h.len() as u64).to_le_bytes());
+            out.extend_from_slice(&h);
+            out.resize(out.len().next_multiple_of(ALIGN), 0);
+            out.extend_from_slice(&payload);
+            out
+        };
+        assert!(from_bytes(&rebuilt(&header), "t").is_ok());
+        let shape = header.tables[0].shape.clone();
+        for wrong in [vec![u64::MAX, 2], vec![1 << 40, 1 << 40], vec![0, 0], vec![1], vec![1, 2, 3, 4]] {
+            header.tables[0].shape = wrong;
+            assert!(from_bytes(&rebuilt(&header), "t").is_err());
+        }
+        header.tables[0].shape = shape;
+        header.tables[0].offset = u64::MAX - 4;
+        assert!(from_bytes(&rebuilt(&header), "t").is_err());
+        header.tables[0].offset = 0;
+        header.models[0].passes[0].patch = u32::MAX;
+        assert!(from_bytes(&rebuilt(&header), "t").is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn damage_never_panics(at in 0usize..4000, value: u8, cut in 0usize..4000) {
+            let mut bytes = to_bytes(&small(1)).unwrap();
+            let n = bytes.len();
+            bytes[at % n] = value;
+            if let Ok(d) = from_bytes(&bytes, "t") {
+                prop_assert_eq!(d, small(1));
+            }
+            bytes.truncate(cut % n);
+            prop_assert!(from_bytes(&bytes, "t").is_err());
+        }
+
+        #[test]
+        fn noise_after_the_magic_never_panics(noise in proptest::collection::vec(any::<u8>(), 0..300)) {
+            let mut bytes = MAGIC.to_vec();
+            bytes.extend_from_slice(&FORMAT_VERSION.to_le_bytes());
+            bytes.extend_from_slice(&CODEC_BINCODE.to_le_bytes());
+            bytes.extend_from_slice(&noise);
+            prop_assert!(from_bytes(&bytes, "t").is_err());
+        }
+    }
+}

@@ -307,3 +307,64 @@ fn validate_pass(pass: &Pass) -> Result<(), Error> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use rand::rngs::ChaCha8Rng;
+    use rand::{RngExt, SeedableRng};
+
+    /// A small valid dictionary of random numbers.
+    pub(crate) fn small(seed: u64) -> Dictionary {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let (support, patch, m, k) = (7, 3, 5, 8);
+        let mut random = |rows, columns| Array2::from_shape_fn((rows, columns), |_| rng.random::<f32>() - 0.5);
+        let unit = |mut a: Array2<f32>| {
+            a.rows_mut().into_iter().for_each(|mut r| {
+                let n = r.dot(&r).sqrt();
+                r /= n;
+            });
+            a
+        };
+        let mut filters = random(m, support * support);
+        filters.rows_mut().into_iter().for_each(|mut r| {
+            let mean = r.sum() / (support * support) as f32;
+            r -= mean;
+        });
+        let maps = random(4 * m, patch * patch).into_shape_with_order((4, m, patch * patch)).unwrap();
+        let pass = Pass {
+            support,
+            patch,
+            filters,
+            floor: 0.05,
+            lambda: 0.1,
+            low: unit(random(k, m)),
+            high: random(k, patch * patch),
+            linear: random(m, patch * patch),
+            with_linear: false,
+            anchored: Some(Anchored { anchors: unit(random(4, m)), maps }),
+        };
+        let model = Model { footprint: Footprint::Point, base: Base::Barycentric, pitch: 3.3, passes: vec![pass] };
+        let mut recipe = Recipe { tool: "test".into(), seed, ..Recipe::default() };
+        recipe.parameters.insert("atoms".into(), 8.into());
+        recipe.photos.push(Photo { file: "a.jpg".into(), sha256: "00".into() });
+        Dictionary { recipe, storage: Storage::F32, models: vec![model] }
+    }
+
+    #[test]
+    fn invalid_dictionaries_are_named() {
+        assert!(validate(&small(1)).is_ok());
+        let mut bad = small(1);
+        bad.models[0].passes[0].low[[0, 0]] += 1.0;
+        assert!(validate(&bad).unwrap_err().to_string().contains("unit norm"));
+        let mut bad = small(1);
+        bad.models[0].passes[0].high[[0, 0]] = f32::NAN;
+        assert!(validate(&bad).unwrap_err().to_string().contains("not finite"));
+        let mut bad = small(1);
+        bad.models[0].passes[0].patch = 9;
+        assert!(validate(&bad).is_err());
+        let mut bad = small(1);
+        bad.models.clear();
+        assert!(validate(&bad).is_err());
+    }
+}

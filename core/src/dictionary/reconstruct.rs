@@ -358,3 +358,116 @@ pub(crate) fn nearest(anchors: &Array2<f32>, features: &Array2<f32>) -> Vec<u32>
     }
     nearest
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dictionary::tests::small;
+
+    fn plane(h: usize, w: usize) -> Array2<f32> {
+        Array2::from_shape_fn((h, w), |(y, x)| 0.5 + 0.3 * ((x * x + 2 * y) as f32 * 0.11).sin())
+    }
+
+    /// The definition: every patch by itself, textbook solver, sums in f64.
+    fn plain(pass: &Pass, low: &Array2<f32>, step: usize, path: Path) -> Array2<f32> {
+        let (h, w) = low.dim();
+        let (m, p, r) = (pass.support / 2, pass.patch, pass.patch / 2);
+        let padded = pad(low.view(), m);
+        let (mut sums, mut totals) = (Array2::<f64>::zeros((h, w)), Array2::<f64>::zeros((h, w)));
+        let solver = sparse::prepare(pass.low.view()).unwrap();
+        let at = |n: usize| (0..n).filter(move |i| i % step == 0 || *i == n - 1);
+        for y in at(h) {
+            for x in at(w) {
+                let f = extract(&padded, pass.support, &pass.filters, &[(y, x)], &mut Vec::new());
+                let norm = f.row(0).dot(&f.row(0)).sqrt().max(pass.floor);
+                let patch = match path {
+                    Path::Linear => f.row(0).dot(&pass.linear),
+                    Path::Anchored => {
+                        let a = pass.anchored.as_ref().unwrap();
+                        let c = a.anchors.dot(&f.row(0)).mapv(f32::abs);
+                        let best = (0..c.len()).max_by(|&i, &j| c[i].total_cmp(&c[j])).unwrap();
+                        f.row(0).dot(&a.maps.index_axis(ndarray::Axis(0), best))
+                    }
+                    Path::Lasso => {
+                        let options = sparse::Options {
+                            solver: sparse::Solver::CoordinateDescent,
+                            penalty: sparse::Penalty::Lambda(pass.lambda),
+                            tolerance: 1e-8,
+                            ..sparse::Options::default()
+                        };
+                        let y = f.mapv(|v| v / norm);
+                        let codes = sparse::solve(&solver, y.view(), &options).unwrap();
+                        let mut t = ndarray::Array1::zeros(p * p);
+                        codes.signal(0).for_each(|(k, v)| t.scaled_add(v * norm, &pass.high.row(k)));
+                        t
+                    }
+                };
+                for i in 0..p * p {
+                    let (Some(v), Some(u)) = ((y + i / p).checked_sub(r), (x + i % p).checked_sub(r)) else { continue };
+                    if v < h && u < w {
+                        sums[[v, u]] += f64::from(patch[i]);
+                        totals[[v, u]] += 1.0;
+                    }
+                }
+            }
+        }
+        Array2::from_shape_fn((h, w), |i| low[i] + (sums[i] / totals[i]) as f32)
+    }
+
+    #[test]
+    fn bands_equal_the_definition() {
+        let model = &small(4).models[0];
+        for path in [Path::Lasso, Path::Anchored, Path::Linear] {
+            for (h, w, step) in [(31, 23, 2), (20, 41, 1), (9, 9, 3), (1, 12, 2), (1, 1, 1)] {
+                let low = plane(h, w);
+                let options = Options { path, step, ..Options::default() };
+                let fast = Reconstructor::new(model, &options).unwrap().plane(low.view()).unwrap();
+                let slow = plain(&model.passes[0], &low, step, path);
+                for (a, b) in fast.iter().zip(&slow) {
+                    assert!((a - b).abs() < 2e-3, "{path:?} {h}x{w}: {a} {b}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn threads_do_not_matter() {
+        let model = &small(4).models[0];
+        let run = |threads| {
+            rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
+                Reconstructor::new(model, &Options::default()).unwrap().plane(plane(70, 50).view()).unwrap()
+            })
+        };
+        assert_eq!(run(1), run(3));
+    }
+
+    #[test]
+    fn flat_planes_stay_flat_and_odd_input_is_borne() {
+        let model = &small(4).models[0];
+        for ensemble in [1, 2, 4] {
+            let options = Options { ensemble, ..Options::default() };
+            let r = Reconstructor::new(model, &options).unwrap();
+            let flat = Array2::from_elem((20, 30), 0.25f32);
+            assert!(r.plane(flat.view()).unwrap().iter().all(|v| (v - 0.25).abs() < 1e-3));
+            assert_eq!(r.plane(Array2::zeros((0, 5)).view()).unwrap().dim(), (0, 5));
+            let nan = Array2::from_elem((12, 9), f32::NAN);
+            assert!(r.plane(nan.view()).unwrap().iter().all(|v| v.is_finite()));
+        }
+        assert!(Reconstructor::new(model, &Options { step: 0, ..Options::default() }).is_err());
+        assert!(Reconstructor::new(model, &Options { step: 4, ..Options::default() }).is_err());
+        assert!(Reconstructor::new(model, &Options { ensemble: 3, ..Options::default() }).is_err());
+    }
+
+    #[test]
+    fn a_mirrored_plane_gives_the_mirrored_ensemble() {
+        let model = &small(4).models[0];
+        let r = Reconstructor::new(model, &Options { ensemble: 4, step: 1, ..Options::default() }).unwrap();
+        let low = plane(24, 18);
+        let mut turned = low.clone();
+        turned.invert_axis(ndarray::Axis(0));
+        let a = r.plane(low.view()).unwrap();
+        let mut b = r.plane(turned.view()).unwrap();
+        b.invert_axis(ndarray::Axis(0));
+        assert!((&a - &b).iter().all(|d| d.abs() < 1e-4));
+    }
+}
