@@ -1,5 +1,6 @@
 //! Captures of every kind, written and read again; wrong ones refused with a reason.
 
+#![allow(clippy::excessive_precision)] // published values are kept as published
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
 
 use std::fs;

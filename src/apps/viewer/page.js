@@ -290,7 +290,7 @@ async function strip(y) {
 // Tells a script what works: page.html#selftest writes its findings into the document.
 async function selftest(opened) {
   const pause = ms => new Promise(r => setTimeout(r, ms));
-  const still = async () => { state.focus = state.target; state.scale = 1; show(); await pause(0); return painter.pixels(); };
+  const still = async () => { await pause(0); state.focus = state.target; state.scale = 1; show(); return painter.pixels(); };
   const differ = (a, b) => { let n = 0; for (let i = 0; i < a.data.length; i++) n += Math.abs(a.data[i] - b.data[i]); return n / a.data.length; };
   const sharp = (p, x, y, r) => {
     let n = 0;
@@ -305,10 +305,15 @@ async function selftest(opened) {
   const first = await still();
   state.target = high; const far = await still();
   found.refocus_changes = differ(first, far);
-  // Clicks where there is most to see, through real events.
+  // Clicks where there is most to see on one surface, through real events.
+  const flat = (x, y) => {
+    let lo = 255, hi = 0;
+    for (let j = y - 16; j <= y + 16; j++) for (let i = x - 16; i <= x + 16; i++) { const d = depth[4 * (j * width + i)]; lo = Math.min(lo, d); hi = Math.max(hi, d); }
+    return hi - lo < 16;
+  };
   const points = [];
   state.target = data.start; state.aperture = 0; const single = await still(); state.aperture = 1;
-  for (let y = 40; y < height - 40; y += 40) for (let x = 40; x < width - 40; x += 40) points.push([sharp(single, x, y, 16), x, y]);
+  for (let y = 40; y < height - 40; y += 20) for (let x = 40; x < width - 40; x += 20) if (flat(x, y)) points.push([sharp(single, x, y, 12), x, y]);
   points.sort((a, b) => b[0] - a[0]);
   found.clicks = [];
   for (const [, x, y] of points.slice(0, 3)) {

@@ -87,7 +87,7 @@ impl Shelf {
             return Ok((own, "made from the white image inside the capture".into()));
         }
         if let Some(place) = self.whites.clone() {
-            return self.from_whites(&place, capture, context);
+            return self.by_whites(&place, capture, context);
         }
         let size = (capture.mosaic.width, capture.mosaic.height);
         let fitting: Vec<&Candidate> = self.candidates.iter().filter(|c| c.size == size).collect();
@@ -127,7 +127,7 @@ impl Shelf {
     }
 
     /// Finds the capture's white image, tells what else was there, and calibrates from it (again only for another one).
-    fn from_whites(
+    fn by_whites(
         &mut self,
         place: &Path,
         capture: &Capture,

@@ -148,7 +148,7 @@ pub(super) fn each_ray(
     surfaces: &Surfaces,
     at: (usize, usize),
     size: (usize, usize),
-    each: &mut dyn FnMut(f32, f32, f32, &[f32]),
+    mut each: impl FnMut(f32, f32, f32, &[f32]),
 ) {
     let values = pack(bundle);
     for ray in rays(bundle, surfaces, at, size) {

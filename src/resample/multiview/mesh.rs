@@ -17,7 +17,7 @@ pub(super) fn view(bundle: &Bundle, surfaces: &Surfaces, at: (usize, usize)) -> 
     // Means of position and value in cells of half a pixel.
     let (w, h) = (2 * size.0, 2 * size.1);
     let mut sums = vec![[0f64; 6]; w * h];
-    fit::each_ray(bundle, surfaces, at, size, &mut |x, y, weight, value| {
+    fit::each_ray(bundle, surfaces, at, size, |x, y, weight: f32, value: &[f32]| {
         let cell = &mut sums[(2.0 * y) as usize * w + (2.0 * x) as usize];
         let weight = f64::from(weight);
         cell[0] += weight;
