@@ -32,13 +32,13 @@ const ORDERINGS: [Ordering; 10] = [
     over("resampling", "learned on multiview", "multiview"),
 ];
 
-/// Orderings whose failure is a failure of the program; the others are reported as they are.
-const MUST: [(&str, &str); 5] = [
+/// Orderings whose failure is a failure of the program; the others are reported as they are. Learned over multiview on
+/// multiview is not among them: a dictionary trained on barycentric views sharpens refined ones too much.
+const MUST: [(&str, &str); 4] = [
     ("full", "none"),
     ("lattice and residual", "whole pixels"),
     ("barycentric", "bicubic"),
     ("learned", "barycentric"),
-    ("learned on multiview", "multiview"),
 ];
 
 /// How an ordering came out.
@@ -143,9 +143,11 @@ mod tests {
         assert!(find("barycentric").holds && find("barycentric").must);
         assert_eq!((find("barycentric").margin.mean, find("barycentric").margin.n), (1.25, 2));
         assert_eq!((find("learned").margin.mean, find("learned").margin.n, find("learned").holds), (-0.5, 1, false));
-        let broken = broken(&verdicts, &records);
+        let broken = super::broken(&verdicts, &records);
         assert!(broken.iter().any(|b| b.contains("learned is not over barycentric")), "{broken:?}");
-        assert!(broken.iter().any(|b| b.contains("learned on multiview and multiview could not")), "{broken:?}");
-        assert_eq!(broken.len(), 2);
+        assert_eq!(broken.len(), 1);
+        // An experiment that is there without what must be compared is no success.
+        let broken = super::broken(&super::verdicts(&records[..4]), &records[..4]);
+        assert!(broken.iter().any(|b| b.contains("learned and barycentric could not")), "{broken:?}");
     }
 }
