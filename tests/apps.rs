@@ -1,5 +1,7 @@
 //! refocus, depth, viewpoint and view as a user runs them, on a small light field of two planes; the page in a real browser.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
