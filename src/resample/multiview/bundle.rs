@@ -16,9 +16,7 @@ pub struct Bundle<'a> {
     /// Where the samples lie in their own view, pixels of the target.
     pub(super) points: Vec<[f32; 2]>,
     /// (views, samples, channels)
-    values: CowArray<'a, f32, Ix3>,
-    /// The same, four lanes a value (the last unused), all views in a row.
-    pub(super) lanes: Vec<[f32; 4]>,
+    pub(super) values: CowArray<'a, f32, Ix3>,
     pub(super) target: Target,
     pub(super) kind: Kind,
     /// Pixels of the target between neighbouring samples.
@@ -110,9 +108,7 @@ impl<'a> Bundle<'a> {
             target.width,
             target.height
         );
-        let lane = |v: ArrayView1<f32>| if channels == 3 { [v[0], v[1], v[2], 0.0] } else { [v[0], 0.0, 0.0, 0.0] };
-        let lanes = values.rows().into_iter().map(lane).collect();
-        Ok(Bundle { rows, columns, points, values, lanes, target, kind, pitch, base })
+        Ok(Bundle { rows, columns, points, values, target, kind, pitch, base })
     }
 
     /// Rows and columns of views.

@@ -35,14 +35,8 @@ pub(super) fn view(bundle: &Bundle, surfaces: &Surfaces, at: (usize, usize)) -> 
             *a = *b;
         }
     }
-    let values = &bundle.lanes;
+    let values = pack(bundle);
     let rays = rays(bundle, surfaces, at, (w, h));
-    let n = bundle.points.len();
-    let own = at.0 * surfaces.columns + at.1;
-    let own = (own * n) as u32..((own + 1) * n) as u32;
-    let contrast = contrast(&image, w, h);
-    // How far the samples of the other views are from the first fit.
-    let mut misfit = Cells::new(w, h);
     for (blur, lambda) in [(true, 0.1f32), (false, 0.5)] {
         let mut sums: Vec<[f32; 4]> = vec![[0.0; 4]; w * h];
         for ray in &rays {
@@ -53,12 +47,9 @@ pub(super) fn view(bundle: &Bundle, surfaces: &Surfaces, at: (usize, usize)) -> 
             let (p, q) = (&image[k..k + 2], &image[k + w..k + w + 2]);
             let mut r = [0f32; 4];
             for l in 0..3 {
-                r[l] = f[l] - (b[0] * p[0][l] + b[1] * p[1][l] + b[2] * q[0][l] + b[3] * q[1][l]);
+                r[l] = ray.weight * (f[l] - (b[0] * p[0][l] + b[1] * p[1][l] + b[2] * q[0][l] + b[3] * q[1][l]));
             }
-            if !blur && !own.contains(&ray.sample) {
-                misfit.add(k % w, k / w, [ray.weight * (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]), ray.weight]);
-            }
-            r = [ray.weight * r[0], ray.weight * r[1], ray.weight * r[2], ray.weight];
+            r[3] = ray.weight;
             for (i, place) in [k, k + 1, k + w, k + w + 1].into_iter().enumerate() {
                 for l in 0..4 {
                     sums[place][l] += b[i] * r[l];
@@ -75,89 +66,18 @@ pub(super) fn view(bundle: &Bundle, surfaces: &Surfaces, at: (usize, usize)) -> 
             }
         }
     }
-    let misfit: Vec<f32> = misfit.around(2).iter().map(|[a, b]| if *b > 0.0 { a / b } else { 0.0 }).collect();
-    let belief = believe(&contrast, &misfit);
-    let columns = w.div_ceil(CELL);
-    let place = |x: usize, n: usize| (((x as f32 + 0.5) / CELL as f32 - 0.5).clamp(0.0, (n - 1) as f32), n);
-    Ok(Array3::from_shape_fn((h, w, c), |(t, s, k)| {
-        let ((x, nx), (y, ny)) = (place(s, columns), place(t, h.div_ceil(CELL)));
-        let (x0, y0) = (x as usize, y as usize);
-        let (fx, fy) = (x - x0 as f32, y - y0 as f32);
-        let at = |y: usize, x: usize| belief[y.min(ny - 1) * columns + x.min(nx - 1)];
-        let upper = at(y0, x0) * (1.0 - fx) + at(y0, x0 + 1) * fx;
-        let lower = at(y0 + 1, x0) * (1.0 - fx) + at(y0 + 1, x0 + 1) * fx;
-        let trust = upper * (1.0 - fy) + lower * fy;
-        prior[[t, s, k]] + trust * (image[t * w + s][k] - prior[[t, s, k]])
-    }))
+    Ok(Array3::from_shape_fn((h, w, c), |(t, s, k)| image[t * w + s][k]))
 }
 
-/// Side of the cells in which squares are gathered, pixels.
-const CELL: usize = 4;
-
-/// Sums of `N` quantities by cells.
-struct Cells<const N: usize> {
-    columns: usize,
-    rows: usize,
-    sums: Vec<[f32; N]>,
-}
-
-impl<const N: usize> Cells<N> {
-    fn new(w: usize, h: usize) -> Self {
-        let (columns, rows) = (w.div_ceil(CELL), h.div_ceil(CELL));
-        Cells { columns, rows, sums: vec![[0.0; N]; columns * rows] }
-    }
-
-    #[inline]
-    fn add(&mut self, x: usize, y: usize, values: [f32; N]) {
-        for (c, v) in self.sums[y / CELL * self.columns + x / CELL].iter_mut().zip(values) {
-            *c += v;
-        }
-    }
-
-    /// Sums over each cell and those up to `r` cells away.
-    fn around(&self, r: usize) -> Vec<[f32; N]> {
-        let mut out = Vec::with_capacity(self.sums.len());
-        for y in 0..self.rows {
-            for x in 0..self.columns {
-                let mut sum = [0f32; N];
-                for row in y.saturating_sub(r)..=(y + r).min(self.rows - 1) {
-                    let (from, to) = (x.saturating_sub(r), (x + r).min(self.columns - 1));
-                    for cell in &self.sums[row * self.columns + from..=row * self.columns + to] {
-                        for (s, c) in sum.iter_mut().zip(cell) {
-                            *s += c;
-                        }
-                    }
-                }
-                out.push(sum);
-            }
-        }
-        out
-    }
-}
-
-/// Variance of the image within 3×3 cells, colours added up.
-fn contrast(image: &[[f32; 4]], w: usize, h: usize) -> Vec<f32> {
-    let mut cells = Cells::<5>::new(w, h);
-    for (k, p) in image.iter().enumerate() {
-        cells.add(k % w, k / w, [p[0], p[1], p[2], p[0] * p[0] + p[1] * p[1] + p[2] * p[2], 1.0]);
-    }
-    let variance = |s: &[f32; 5]| (s[3] - (s[0] * s[0] + s[1] * s[1] + s[2] * s[2]) / s[4]) / s[4];
-    cells.around(1).iter().map(|s| variance(s).max(0.0)).collect()
-}
-
-/// How far the fit may be believed, cell by cell: fully where the samples miss it by no more than noise, or by little of the
-/// contrast there; not at all where they miss it by as much as the image varies: their places are wrong.
-fn believe(contrast: &[f32], misfit: &[f32]) -> Vec<f32> {
-    let mut sorted: Vec<f32> = misfit.iter().copied().filter(|v| *v > 0.0).collect();
-    sorted.sort_unstable_by(f32::total_cmp);
-    // Most of a picture is quiet. Half a percent of white is never worth a doubt, six percent is more than noise.
-    let noise = sorted.get(sorted.len() / 4).copied().unwrap_or(0.0).clamp(2.5e-5, 4e-3);
-    let believed = |(&c, &m): (&f32, &f32)| {
-        let quiet = ((6.0 * noise - m) / (4.0 * noise)).clamp(0.0, 1.0);
-        let explained = if c > 0.0 { 1.0 - m / c } else { 0.0 };
-        quiet.max(((explained - 0.3) / 0.3).clamp(0.0, 1.0))
-    };
-    contrast.iter().zip(misfit).map(believed).collect()
+/// Values as four lanes, all views in a row.
+fn pack(bundle: &Bundle) -> Vec<[f32; 4]> {
+    let c = bundle.channels();
+    bundle
+        .values
+        .rows()
+        .into_iter()
+        .map(|v| if c == 3 { [v[0], v[1], v[2], 0.0] } else { [v[0], 0.0, 0.0, 0.0] })
+        .collect()
 }
 
 /// Where every sample of every view lies in the target view, leaving out what is hidden there.
@@ -230,7 +150,7 @@ pub(super) fn each_ray(
     size: (usize, usize),
     mut each: impl FnMut(f32, f32, f32, &[f32]),
 ) {
-    let values = &bundle.lanes;
+    let values = pack(bundle);
     for ray in rays(bundle, surfaces, at, size) {
         let (x, y) = (ray.cell as usize % size.0, ray.cell as usize / size.0);
         each(x as f32 + ray.fx, y as f32 + ray.fy, ray.weight, &values[ray.sample as usize][..bundle.channels()]);

@@ -6,8 +6,6 @@ mod fit;
 mod hidden;
 mod mesh;
 mod surfaces;
-#[cfg(test)]
-mod tests;
 
 use anyhow::{Result, ensure};
 pub use bundle::Bundle;
