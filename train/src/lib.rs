@@ -18,6 +18,7 @@ pub mod online;
 mod parameters;
 pub mod refine;
 mod run;
+mod statistics;
 
 pub use parameters::{Algorithm, Coupling, Parameters};
 pub use run::{Epoch, Outcome, train};
