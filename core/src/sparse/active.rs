@@ -10,7 +10,7 @@
 
 use super::near::{NEAR, Newcomer};
 use super::prepared::Prepared;
-use super::simd::{Chunk, Lanes, flat, flat_mut};
+use super::simd::{Chunk, Lanes, UNITS, flat, flat_mut};
 
 /// One signal's problem.
 pub(super) struct Task<'a> {
@@ -24,21 +24,13 @@ pub(super) struct Task<'a> {
     pub max_rounds: u32,
 }
 
-/// Chunk i has a one in lane i.
-const UNITS: [Chunk; 16] = {
-    let mut units = [Chunk::ZERO; 16];
-    let mut i = 0;
-    while i < 16 {
-        units[i].0[i] = 1.0;
-        i += 1;
-    }
-    units
-};
-
 /// The state of one signal, for up to 16·C members of the support; C is a power of two, so that masks keep places inside.
 pub(super) struct State<const C: usize> {
-    /// Members of the support.
+    /// Places in use: all members of the support are before this one. A place whose member left keeps its atom, with a
+    /// value of zero.
     pub n: usize,
+    /// Bit i says whether place i has a member.
+    used: u128,
     pub rounds: u32,
     support: [[u32; 16]; C],
     /// Correlations D y of the members.
@@ -59,6 +51,7 @@ impl<const C: usize> State<C> {
     pub fn new() -> State<C> {
         State {
             n: 0,
+            used: 0,
             rounds: 0,
             support: [[0; 16]; C],
             held: [[0.0; 16]; C],
@@ -71,10 +64,10 @@ impl<const C: usize> State<C> {
         }
     }
 
-    /// Most members.
+    /// Whether no place is left.
     #[inline(always)]
-    pub fn room(&self) -> usize {
-        16 * C
+    pub fn is_full(&self) -> bool {
+        self.used.trailing_ones() as usize >= 16 * C
     }
 
     /// The support, in the order of its values.
@@ -113,6 +106,7 @@ impl<const C: usize> State<C> {
         self.phi[..chunks].fill(Chunk::ZERO);
         self.signs[..chunks].fill(Chunk::ZERO);
         self.n = 0;
+        self.used = 0;
         self.rounds = 0;
         self.chosen = false;
     }
@@ -121,6 +115,7 @@ impl<const C: usize> State<C> {
     pub fn grow_from(&mut self, small: &State<1>) {
         self.clear();
         self.n = small.n;
+        self.used = small.used;
         self.rounds = small.rounds;
         self.support[0] = small.support[0];
         self.held[0] = small.held[0];
@@ -142,9 +137,10 @@ fn chunks_of<const C: usize>(n: usize) -> usize {
 }
 
 /// Lets an atom into the support and moves to the new minimum. False when that is too ill-conditioned for f32.
-/// `correlations` are those of the signal less λθ on the support.
+/// `correlations` are those of the signal less λθ on the support. With `NEAR_ROWS` the members' Gram rows are read from
+/// their near parts, otherwise where they are.
 #[inline(always)]
-pub(super) fn enter<S: Lanes, const C: usize>(
+pub(super) fn enter<S: Lanes, const C: usize, const NEAR_ROWS: bool>(
     lanes: S,
     task: &Task<'_>,
     correlations: &mut [Chunk],
@@ -152,13 +148,15 @@ pub(super) fn enter<S: Lanes, const C: usize>(
     newcomer: Newcomer,
 ) -> bool {
     let Newcomer { atom, at, lane } = newcomer;
-    let width = task.dictionary.width();
+    let (width, gram) = (task.dictionary.width(), task.dictionary.gram());
     state.rounds += 1;
-    let n = state.n;
-    if n >= 16 * C {
+    if state.is_full() {
         return false;
     }
-    let chunks = chunks_of::<C>(n + 1);
+    let n = state.n;
+    let place = state.used.trailing_ones() as usize & (16 * C - 1);
+    let after = n.max(place + 1);
+    let chunks = chunks_of::<C>(after);
     // g = G[j, S] and u = G_SS⁻¹ g. Fours of rows may reach past the support: there the inverse is zero.
     let zero = lanes.splat(0.0);
     let (mut fit, mut overlap) = (zero, zero);
@@ -168,7 +166,12 @@ pub(super) fn enter<S: Lanes, const C: usize>(
         for first in (0..n).step_by(4) {
             for i in 0..4 {
                 let (block, row) = (((first + i) / 16) & (C - 1), (first + i) & 15);
-                let gi = lanes.splat(state.near_rows[block][row][at & 7].0[lane & 15]);
+                let near = if NEAR_ROWS {
+                    &state.near_rows[block][row][at & 7]
+                } else {
+                    &gram[state.support[block][row] as usize * width + atom / 16]
+                };
+                let gi = lanes.splat(near.0[lane & 15]);
                 sums[i] = lanes.fma(gi, lanes.load(&state.inverse[block][row][v]), sums[i]);
                 if C == 1 || block == v {
                     g[i] = lanes.fma(gi, lanes.load(&UNITS[row]), g[i]);
@@ -180,7 +183,7 @@ pub(super) fn enter<S: Lanes, const C: usize>(
         fit = lanes.fma(g, lanes.load(&state.phi[v]), fit);
         overlap = lanes.fma(g, u[v], overlap);
     }
-    let row = &task.dictionary.gram()[atom * width..][..width];
+    let row = &gram[atom * width..][..width];
     let own = flat(correlations)[atom];
     let pull = own - lanes.sum(fit);
     let left = row[atom / 16].0[lane & 15] - lanes.sum(overlap);
@@ -192,28 +195,31 @@ pub(super) fn enter<S: Lanes, const C: usize>(
         return false;
     }
     // With u extended by −1 for the newcomer, everything below is one rank-one formula.
-    let (chunk, place) = (if C == 1 { 0 } else { n / 16 }, n & 15);
-    let unit = lanes.load(&UNITS[place]);
+    let (chunk, lane_of_place) = (if C == 1 { 0 } else { place / 16 }, place & 15);
+    let unit = lanes.load(&UNITS[lane_of_place]);
     u[chunk] = lanes.fma(lanes.splat(-1.0), unit, u[chunk]);
     let signs = lanes.fma(lanes.splat(sign), unit, lanes.load(&state.signs[chunk]));
     lanes.store(&mut state.signs[chunk], signs);
-    state.support[chunk][place] = atom as u32;
-    state.held[chunk][place] = own;
-    state.n = n + 1;
+    state.support[chunk][lane_of_place] = atom as u32;
+    state.held[chunk][lane_of_place] = own;
+    state.used |= 1 << place;
+    state.n = after;
     flat_mut(correlations)[atom] = own - task.lambda * sign;
-    for (near, &chunk) in state.near_rows[chunk][place].iter_mut().zip(&state.near) {
-        *near = row[chunk as usize];
+    if NEAR_ROWS {
+        for (near, &chunk) in state.near_rows[chunk][lane_of_place].iter_mut().zip(&state.near) {
+            *near = row[chunk as usize];
+        }
     }
-    let mut flipped = false;
+    let mut flipped = 0;
     let mut target = [Chunk::ZERO; C];
     let mut factors = [Chunk::ZERO; C];
     for v in 0..chunks {
         lanes.store(&mut factors[v], lanes.mul(u[v], lanes.splat(inverse_left)));
         let phi = lanes.fnma(lanes.splat(alpha), u[v], lanes.load(&state.phi[v]));
         lanes.store(&mut target[v], phi);
-        flipped |= lanes.any_negative(lanes.mul(phi, lanes.load(&state.signs[v])));
+        flipped |= lanes.negative(lanes.mul(phi, lanes.load(&state.signs[v])));
     }
-    for first in (0..n + 1).step_by(4) {
+    for first in (0..after).step_by(4) {
         for i in 0..4 {
             let (block, row) = (((first + i) / 16) & (C - 1), (first + i) & 15);
             let factor = lanes.splat(factors[block].0[row]);
@@ -223,7 +229,7 @@ pub(super) fn enter<S: Lanes, const C: usize>(
             }
         }
     }
-    if flipped && task.keep_signs {
+    if flipped != 0 && task.keep_signs {
         return walk::<S, C>(lanes, state, correlations, &mut target);
     }
     state.phi[..chunks].copy_from_slice(&target[..chunks]);
@@ -239,18 +245,21 @@ fn walk<S: Lanes, const C: usize>(
     correlations: &mut [Chunk],
     target: &mut [Chunk; C],
 ) -> bool {
+    let chunks = chunks_of::<C>(state.n);
     for _ in 0..64 * C {
         let (mut t, mut first) = (1.0f32, usize::MAX);
-        let each = state.values().iter().zip(flat(target)).zip(state.signs());
-        for (i, ((&phi, &target), &sign)) in each.enumerate() {
-            if target * sign < 0.0 {
+        for v in 0..chunks {
+            let mut flipped = lanes.negative(lanes.mul(lanes.load(&target[v]), lanes.load(&state.signs[v])));
+            while flipped != 0 {
+                let lane = (flipped.trailing_zeros() & 15) as usize;
+                flipped &= flipped - 1;
+                let (phi, target) = (state.phi[v].0[lane], target[v].0[lane]);
                 let crossing = phi / (phi - target);
                 if crossing < t || first == usize::MAX {
-                    (t, first) = (crossing, i);
+                    (t, first) = (crossing, v * 16 + lane);
                 }
             }
         }
-        let chunks = chunks_of::<C>(state.n);
         if first == usize::MAX {
             state.phi[..chunks].copy_from_slice(&target[..chunks]);
             return true;
@@ -265,7 +274,7 @@ fn walk<S: Lanes, const C: usize>(
     false
 }
 
-/// Takes member `k` out of the support: rank-one downdate, then the last takes its place.
+/// Takes the member at place `k` out of the support: a rank-one downdate, which leaves zeros in row and column `k`.
 #[inline(always)]
 fn remove<S: Lanes, const C: usize>(
     lanes: S,
@@ -274,40 +283,32 @@ fn remove<S: Lanes, const C: usize>(
     target: &mut [Chunk; C],
     k: usize,
 ) {
-    let last = state.n - 1;
     let chunks = chunks_of::<C>(state.n);
-    let column = state.inverse.as_flattened()[k];
-    let scale = 1.0 / flat(&column)[k];
-    let excess = flat(target)[k] * scale;
+    let (chunk, lane) = (if C == 1 { 0 } else { (k / 16) & (C - 1) }, k & 15);
+    let column = state.inverse[chunk][lane];
+    let scale = 1.0 / column[chunk].0[lane];
+    let excess = target[chunk].0[lane] * scale;
     for v in 0..chunks {
         let part = lanes.load(&column[v]);
+        let scaled = lanes.mul(part, lanes.splat(scale));
         let moved = lanes.fnma(lanes.splat(excess), part, lanes.load(&target[v]));
         lanes.store(&mut target[v], moved);
-        for (row, &f) in state.inverse.as_flattened_mut().iter_mut().zip(flat(&column)).take(last + 1) {
-            let less = lanes.fnma(lanes.splat(f * scale), part, lanes.load(&row[v]));
-            lanes.store(&mut row[v], less);
+        for first in (0..state.n).step_by(4) {
+            for i in 0..4 {
+                let (block, row) = (((first + i) / 16) & (C - 1), (first + i) & 15);
+                let to = &mut state.inverse[block][row][v];
+                let mut less = lanes.fnma(lanes.splat(column[block].0[row]), scaled, lanes.load(to));
+                if C == 1 || chunk == v {
+                    less = lanes.clear_lane(less, lane);
+                }
+                lanes.store(to, less);
+            }
         }
     }
-    // The last member moves to place k, in everything.
-    let support = state.support.as_flattened_mut();
-    let held = state.held.as_flattened_mut();
-    flat_mut(correlations)[support[k] as usize] = held[k];
-    support[k] = support[last];
-    held[k] = held[last];
-    for vector in [&mut state.phi, target, &mut state.signs] {
-        let vector = flat_mut(vector);
-        vector[k] = vector[last];
-        vector[last] = 0.0;
+    for v in [&mut state.phi[chunk], &mut target[chunk], &mut state.signs[chunk]] {
+        lanes.store(v, lanes.clear_lane(lanes.load(v), lane));
     }
-    let near = state.near_rows.as_flattened_mut();
-    near[k] = near[last];
-    let inverse = state.inverse.as_flattened_mut();
-    inverse[k] = inverse[last];
-    inverse[last] = [Chunk::ZERO; C];
-    for row in &mut inverse[..last] {
-        let row = flat_mut(row);
-        row[k] = row[last];
-        row[last] = 0.0;
-    }
-    state.n = last;
+    state.inverse[chunk][lane] = [Chunk::ZERO; C];
+    flat_mut(correlations)[state.support[chunk][lane] as usize] = state.held[chunk][lane];
+    state.used &= !(1 << k);
 }

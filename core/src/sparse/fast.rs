@@ -94,6 +94,17 @@ impl Kernel for Fast<'_> {
     type Out = ();
     #[inline(always)]
     fn run<S: Lanes>(self, lanes: S) {
+        if self.dictionary.width() > near::FEW {
+            self.run_with::<S, true>(lanes)
+        } else {
+            self.run_with::<S, false>(lanes)
+        }
+    }
+}
+
+impl Fast<'_> {
+    #[inline(always)]
+    fn run_with<S: Lanes, const NEAR_ROWS: bool>(self, lanes: S) {
         let Fast { dictionary, signals, options, scratch, codes } = self;
         let (m, width) = (dictionary.signal_len(), dictionary.width());
         let count = signals.len() / m;
@@ -130,9 +141,9 @@ impl Kernel for Fast<'_> {
                 let row = &correlations[n * width..(n + 1) * width];
                 let signal = &signals[n * m..(n + 1) * m];
                 let next = if slot.grown {
-                    near::look::<S, LARGE>(lanes, &task, row, &mut slot.large, peaks)
+                    near::look::<S, LARGE, NEAR_ROWS>(lanes, &task, row, &mut slot.large, peaks)
                 } else {
-                    near::look::<S, 1>(lanes, &task, row, &mut slot.small, peaks)
+                    near::look::<S, 1, NEAR_ROWS>(lanes, &task, row, &mut slot.small, peaks)
                 };
                 let outside = match next {
                     Next::Enter(newcomer) => {
@@ -168,9 +179,9 @@ impl Kernel for Fast<'_> {
                 (task.lambda, task.threshold) = (slot.lambda, slot.threshold);
                 let row = &mut correlations[n * width..(n + 1) * width];
                 let entered = if slot.grown {
-                    active::enter::<S, LARGE>(lanes, &task, row, &mut slot.large, newcomer)
+                    active::enter::<S, LARGE, NEAR_ROWS>(lanes, &task, row, &mut slot.large, newcomer)
                 } else {
-                    active::enter::<S, 1>(lanes, &task, row, &mut slot.small, newcomer)
+                    active::enter::<S, 1, NEAR_ROWS>(lanes, &task, row, &mut slot.small, newcomer)
                 };
                 if !entered {
                     codes.redone_in_f64 += 1;
@@ -323,9 +334,10 @@ fn take<const C: usize>(dictionary: &Prepared, state: &State<C>, entries: &mut V
         return;
     }
     // Few: each goes where the count of smaller ones says, without branches.
+    // Zeros go last; they are not passed on.
     let mut numbers = [u32::MAX; 16];
-    for (number, &k) in numbers.iter_mut().zip(state.support()) {
-        *number = dictionary.outside(k);
+    for ((number, &k), &value) in numbers.iter_mut().zip(state.support()).zip(state.values()) {
+        *number = if value == 0.0 { u32::MAX } else { dictionary.outside(k) };
     }
     let mut places = [0u32; 16];
     for &other in numbers.iter().take(n) {

@@ -42,39 +42,108 @@ pub(super) struct Newcomer {
 }
 
 /// Looks for the atom that violates its condition most. `correlations` are those of the signal less λθ on the support;
-/// `peaks` is scratch of a value a chunk.
+/// `peaks` is scratch of a value a chunk. With `NEAR_ROWS` among the near chunks, otherwise among all (at most [`FEW`]).
 #[inline(always)]
-pub(super) fn look<S: Lanes, const C: usize>(
+pub(super) fn look<S: Lanes, const C: usize, const NEAR_ROWS: bool>(
     lanes: S,
     task: &Task<'_>,
     correlations: &[Chunk],
     state: &mut State<C>,
     peaks: &mut [Chunk],
 ) -> Next {
-    if state.chosen
-        && let Some(next) = look_near::<S, C>(lanes, task, correlations, state)
-    {
-        return next;
+    if !NEAR_ROWS || state.chosen {
+        let tagged = if NEAR_ROWS {
+            look_near(lanes, task, correlations, state)
+        } else {
+            look_at_all(lanes, task, correlations, state)
+        };
+        if f32::from_bits(tagged & !TAG) > task.threshold {
+            return admit::<S, C, NEAR_ROWS>(lanes, task, state, tagged & TAG);
+        }
+        let outside = f32::from_bits(tagged | TAG);
+        if !NEAR_ROWS && outside <= task.threshold {
+            return Next::Over(End::Settled { outside: outside.max(0.0) });
+        }
     }
     let outside = look_everywhere(lanes, task, correlations, state.support(), state.values(), peaks);
     if outside <= task.threshold {
         return Next::Over(End::Settled { outside });
     }
-    choose::<S, C>(lanes, task, outside, state, peaks);
-    look_near::<S, C>(lanes, task, correlations, state).unwrap_or(Next::Over(End::Stuck))
+    let Some(chunk) = flat(peaks).iter().position(|&p| p == outside) else { return Next::Over(End::Stuck) };
+    let at = if NEAR_ROWS {
+        choose::<S, C>(lanes, task, chunk, outside, state, peaks);
+        0
+    } else {
+        chunk as u32
+    };
+    let mut c = lanes.load(&correlations[chunk]);
+    for (&k, &value) in state.support().iter().zip(state.values()) {
+        let part = &task.dictionary.gram()[k as usize * correlations.len() + chunk];
+        c = lanes.fnma(lanes.splat(value), lanes.load(part), c);
+    }
+    let size = if task.nonnegative { c } else { lanes.abs(c) };
+    let lane = lanes.largest((size, c)).2;
+    admit::<S, C, NEAR_ROWS>(lanes, task, state, at * 16 + lane as u32)
 }
 
-/// The same among the near chunks; none when all there are satisfied.
+/// Bits of a tag: the place of a chunk times 16 plus a lane, in place of the last bits of a number.
+const TAG: u32 = 0xFF;
+/// Most chunks that are looked at without a choice.
+pub(super) const FEW: usize = 16;
+/// The tags of all lanes of that many chunks.
+static TAGS: [Chunk; FEW] = {
+    let mut tags = [Chunk::ZERO; FEW];
+    let mut i = 0;
+    while i < 16 * FEW {
+        tags[i / 16].0[i % 16] = f32::from_bits(i as u32);
+        i += 1;
+    }
+    tags
+};
+
+/// What is left of a number when its last bits make room for a tag, and its sign where that does not matter.
 #[inline(always)]
-fn look_near<S: Lanes, const C: usize>(
+fn kept<S: Lanes>(lanes: S, task: &Task<'_>) -> S::V {
+    lanes.splat(f32::from_bits(!TAG & if task.nonnegative { u32::MAX } else { 0x7FFF_FFFF }))
+}
+
+/// The atom at a tag enters, if it may.
+#[inline(always)]
+fn admit<S: Lanes, const C: usize, const NEAR_ROWS: bool>(
     lanes: S,
     task: &Task<'_>,
-    correlations: &[Chunk],
     state: &State<C>,
-) -> Option<Next> {
+    tag: u32,
+) -> Next {
+    if state.rounds >= task.max_rounds {
+        return Next::Over(End::Cap);
+    }
+    if state.is_full() {
+        return Next::Over(End::Full);
+    }
+    let (at, lane) = (tag as usize / 16, tag as usize % 16);
+    let chunk = if NEAR_ROWS { state.near[at & (NEAR - 1)] as usize } else { at };
+    let newcomer = Newcomer { atom: chunk * 16 + lane, at, lane };
+    let width = task.dictionary.width();
+    let row = &task.dictionary.gram()[newcomer.atom * width..][..width];
+    if NEAR_ROWS {
+        for &chunk in &state.near {
+            lanes.prefetch(&row[chunk as usize]);
+        }
+    } else {
+        for chunk in row {
+            lanes.prefetch(chunk);
+        }
+    }
+    Next::Enter(newcomer)
+}
+
+/// The largest |c| (or c) of the near chunks, tagged with where it is.
+#[inline(always)]
+fn look_near<S: Lanes, const C: usize>(lanes: S, task: &Task<'_>, correlations: &[Chunk], state: &State<C>) -> u32 {
     let mut c = [lanes.splat(0.0); NEAR];
-    for (c, &chunk) in c.iter_mut().zip(&state.near) {
-        *c = lanes.load(&correlations[chunk as usize]);
+    for i in 0..NEAR {
+        c[i] = lanes.load(&correlations[state.near[i] as usize]);
     }
     for member in 0..state.n {
         let (block, place) = ((member / 16) & (C - 1), member & 15);
@@ -84,29 +153,71 @@ fn look_near<S: Lanes, const C: usize>(
             c[i] = lanes.fnma(value, lanes.load(&row[i]), c[i]);
         }
     }
-    let mut best = (lanes.splat(-1.0), lanes.splat(0.0));
-    for (i, &c) in c.iter().enumerate() {
-        let size = if task.nonnegative { c } else { lanes.abs(c) };
-        best = lanes.keep_larger(best, size, lanes.splat(i as f32));
+    let keep = kept(lanes, task);
+    for i in 0..NEAR {
+        c[i] = lanes.tag(c[i], keep, lanes.load(&TAGS[i]));
     }
-    let (value, at, lane) = lanes.largest(best);
-    if value <= task.threshold {
-        return None;
+    lanes.largest_bits(tree::<S, NEAR>(lanes, c))
+}
+
+/// The same of all chunks, at most [`FEW`], a multiple of four.
+#[inline(always)]
+fn look_at_all<S: Lanes, const C: usize>(lanes: S, task: &Task<'_>, correlations: &[Chunk], state: &State<C>) -> u32 {
+    let mut best = lanes.splat(f32::from_bits(1 << 31));
+    let mut from = 0;
+    if S::WIDE {
+        while from + 8 <= correlations.len() {
+            best = lanes.larger_bits(best, look_at_some::<S, C, 8>(lanes, task, correlations, from, state));
+            from += 8;
+        }
     }
-    if state.rounds >= task.max_rounds {
-        return Some(Next::Over(End::Cap));
+    while from + 4 <= correlations.len() {
+        best = lanes.larger_bits(best, look_at_some::<S, C, 4>(lanes, task, correlations, from, state));
+        from += 4;
     }
-    if state.n >= state.room() {
-        return Some(Next::Over(End::Full));
+    lanes.largest_bits(best)
+}
+
+#[inline(always)]
+fn look_at_some<S: Lanes, const C: usize, const B: usize>(
+    lanes: S,
+    task: &Task<'_>,
+    correlations: &[Chunk],
+    from: usize,
+    state: &State<C>,
+) -> S::V {
+    let (width, gram) = (correlations.len(), task.dictionary.gram());
+    let own = &correlations[from..from + B];
+    let mut c = [lanes.splat(0.0); B];
+    for i in 0..B {
+        c[i] = lanes.load(&own[i]);
     }
-    let at = at as usize & (NEAR - 1);
-    let newcomer = Newcomer { atom: state.near[at] as usize * 16 + lane, at, lane };
-    let width = task.dictionary.width();
-    let row = &task.dictionary.gram()[newcomer.atom * width..][..width];
-    for &chunk in &state.near {
-        lanes.prefetch(&row[chunk as usize]);
+    for (&k, &value) in state.support().iter().zip(state.values()) {
+        let row = &gram[k as usize * width + from..][..B];
+        let value = lanes.splat(value);
+        for i in 0..B {
+            c[i] = lanes.fnma(value, lanes.load(&row[i]), c[i]);
+        }
     }
-    Some(Next::Enter(newcomer))
+    let keep = kept(lanes, task);
+    let tags = &TAGS[from & (FEW - B)..][..B];
+    for i in 0..B {
+        c[i] = lanes.tag(c[i], keep, lanes.load(&tags[i]));
+    }
+    tree::<S, B>(lanes, c)
+}
+
+/// Lane by lane the largest of a power of two of vectors.
+#[inline(always)]
+fn tree<S: Lanes, const B: usize>(lanes: S, mut c: [S::V; B]) -> S::V {
+    let mut half = B / 2;
+    while half > 0 {
+        for i in 0..half {
+            c[i] = lanes.larger_bits(c[i], c[i + half]);
+        }
+        half /= 2;
+    }
+    c[0]
 }
 
 /// The largest |c| (or c, at least 0) over all atoms; that of each chunk goes into `peaks`.
@@ -171,9 +282,16 @@ fn look_at_part<S: Lanes, const B: usize>(
     }
 }
 
-/// Makes (about) the [`NEAR`] chunks with the highest peaks near; there is one above the threshold.
+/// Makes (about) the [`NEAR`] chunks with the highest peaks near, first of all `top`, whose peak is `most`.
 #[inline(always)]
-fn choose<S: Lanes, const C: usize>(lanes: S, task: &Task<'_>, most: f32, state: &mut State<C>, peaks: &[Chunk]) {
+fn choose<S: Lanes, const C: usize>(
+    lanes: S,
+    task: &Task<'_>,
+    top: usize,
+    most: f32,
+    state: &mut State<C>,
+    peaks: &[Chunk],
+) {
     // A level that so many are above, by bisection; what does not fit is left for later.
     let mut level = task.threshold;
     if count_above(lanes, peaks, level) > NEAR as u32 {
@@ -190,9 +308,13 @@ fn choose<S: Lanes, const C: usize>(lanes: S, task: &Task<'_>, most: f32, state:
             level = high;
         }
     }
-    let mut chosen = 0;
+    state.near[0] = top as u32;
+    let mut chosen = 1;
     for (i, peaks) in peaks.iter().enumerate() {
         let mut mask = lanes.above(lanes.load(peaks), level);
+        if i == top / 16 {
+            mask &= !(1 << (top % 16));
+        }
         while mask != 0 && chosen < NEAR {
             state.near[chosen] = i as u32 * 16 + mask.trailing_zeros();
             mask &= mask - 1;

@@ -41,7 +41,7 @@ pub(super) fn pursue<S: Lanes, const C: usize>(
         if state.support().contains(&(atom as u32)) {
             return false;
         }
-        if !active::enter(lanes, task, correlations, state, Newcomer { atom, at: 0, lane }) {
+        if !active::enter::<S, C, true>(lanes, task, correlations, state, Newcomer { atom, at: 0, lane }) {
             return false;
         }
     }
