@@ -16,6 +16,7 @@ use super::{Context, Interrupted, Outcome, Usage};
 #[command(after_help = "\
 Example: lenslet train-dict my-photos/ --out mine.lfd
          lenslet train-dict a.jpg b.jpg c.png --out small.lfd --atoms 256 --pairs 50000
+         lenslet train-dict my-photos/ --out x3.lfd --grid 3
          lenslet train-dict my-photos/ --out mine.lfd --resume     (goes on after an interruption)
 
 Folders are searched for .jpg, .png, .tif, .ppm. A photo that cannot be used is noted and left out.
@@ -67,6 +68,9 @@ pub struct Args {
     /// Footprints of the samples, one model each
     #[arg(long, value_delimiter = ',', value_parser = ["point", "lenslet"])]
     footprint: Vec<String>,
+    /// Rectangular grids enlarged bicubically by this, instead of hexagonal samples: for views of other tools
+    #[arg(long, value_name = "SCALE", conflicts_with_all = ["footprint", "calibration"])]
+    grid: Option<f64>,
     /// Lattice (pitch, rotation) as this calibration's, for views 1080 pixels wide
     #[arg(long, value_name = "CAM.calib")]
     calibration: Option<PathBuf>,
@@ -132,6 +136,12 @@ fn parameters(args: &Args) -> anyhow::Result<Parameters> {
         let (w, h) = (calibration.width, calibration.height);
         p.pitch = calibration.lattice.pitch() * 1080.0 / w.max(h).max(1) as f64;
         p.rotation = calibration.lattice.rotation();
+    }
+    if let Some(scale) = args.grid {
+        if !(1.5..=8.0).contains(&scale) {
+            return Err(Usage(format!("--grid {scale} is out of range (1.5 to 8)")).into());
+        }
+        (p.footprints, p.pitch, p.rotation) = (vec![Footprint::Grid], scale, 0.0);
     }
     p.check().map_err(|e| Usage(e.to_string()))?;
     Ok(p)

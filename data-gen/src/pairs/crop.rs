@@ -105,6 +105,15 @@ fn grid(high: ArrayView2<'_, f32>, degradation: &Degradation, rng: &mut ChaCha8R
     Ok(sampling::bicubic::resize(small.view().insert_axis(Axis(2)), w, h)?.index_axis_move(Axis(2), 0))
 }
 
+/// The longest side up to `n` that a rectangular grid divides into whole samples; hexagonal lattices take any.
+fn whole(n: usize, degradation: &Degradation) -> usize {
+    match degradation.footprint {
+        Footprint::Grid => ((n as f64 / degradation.pitch).floor() * degradation.pitch).round() as usize,
+        _ => n,
+    }
+    .min(n)
+}
+
 /// `count` random crops of `size` pixels a side from a photo shrunk by `factor`, degraded, without their spoilt borders.
 /// A photo that is too small for its factor is shrunk less, down to not at all.
 ///
@@ -137,7 +146,7 @@ pub fn crops(
         .map(|c| {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             rng.set_stream(((index as u64) << 32) | c as u64);
-            let (th, tw) = (side.min(h), side.min(w));
+            let (th, tw) = (whole(side.min(h), degradation), whole(side.min(w), degradation));
             let (y, x) = (rng.random_range(0..=h - th), rng.random_range(0..=w - tw));
             let mut high = plane.slice(s![y..y + th, x..x + tw]).to_owned();
             // Mirrored and turned photos are photos too.
@@ -195,6 +204,23 @@ mod tests {
                 assert!(rough(&c.low) < rough(&c.high));
             }
         }
+    }
+
+    #[test]
+    fn grids_keep_their_pitch() {
+        // A ramp survives shrinking and enlarging only where both agree on the pitch and the phase.
+        let luminance = Array2::from_shape_fn((131, 142), |(y, x)| 0.2 + 0.002 * x as f32 + 0.003 * y as f32);
+        let ramp = Loaded { name: "p".into(), sha256: String::new(), luminance };
+        for pitch in [2.0, 3.0] {
+            let d = Degradation { pitch, footprint: Footprint::Grid, base: Base::Bicubic, ..Degradation::default() };
+            for c in crops(&ramp, 0, 3, 107, 1.0, &d, 1).unwrap() {
+                let (h, w) = c.high.dim();
+                assert_eq!(((h + 2 * BORDER) % pitch as usize, (w + 2 * BORDER) % pitch as usize), (0, 0));
+                assert!((&c.high - &c.low).iter().all(|v| v.abs() < 1e-4));
+            }
+        }
+        let d = Degradation { footprint: Footprint::Grid, ..Degradation::default() };
+        assert!(crops(&ramp, 0, 1, 100, 1.0, &d, 1).is_err(), "a grid on the barycentric base");
     }
 
     #[test]
