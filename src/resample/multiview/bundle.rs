@@ -181,6 +181,11 @@ impl<'a> Bundle<'a> {
         Ok((grid, self.target.width as f32 / width as f32))
     }
 
+    /// Brightness of every sample, views one after the other.
+    pub(super) fn light(&self) -> Vec<f32> {
+        self.values.rows().into_iter().map(|v| self.judge(v)).collect()
+    }
+
     /// Brightness of one sample as differences are judged: luminance, its square root where it is linear.
     fn judge(&self, value: ArrayView1<f32>) -> f32 {
         let y = if value.len() == 3 {

@@ -5,6 +5,7 @@ mod bundle;
 mod fit;
 mod hidden;
 mod mesh;
+mod refine;
 mod surfaces;
 
 use anyhow::{Result, ensure};

@@ -68,7 +68,19 @@ impl Surfaces {
             .into_par_iter()
             .map(|k| carry_plane(&central, scale, step((rows, columns), k), front))
             .collect();
-        Ok(Surfaces { rows, columns, maps, scale, front, middle })
+        let mut surfaces = Surfaces { rows, columns, maps, scale, front, middle };
+        if options.known.is_none() {
+            let light: Vec<f32> = bundle.light();
+            let central = super::refine::refine(bundle, &light, &surfaces);
+            surfaces.maps = (0..rows * columns)
+                .into_par_iter()
+                .map(|k| carry_plane(&central, scale, step((rows, columns), k), front))
+                .collect();
+            if let Ok(found) = Array2::from_shape_vec((height, width), central.data) {
+                surfaces.middle.disparity = found;
+            }
+        }
+        Ok(surfaces)
     }
 
     /// Disparity of view `k` at (`x`, `y`) of the target: interpolated on a surface, the nearest value at its edge.

@@ -1,0 +1,371 @@
+//! What multi-view refinement gains, against the truth or without one:
+//! `cargo run --release --example multiview -- planes TRUTH_DIR SAMPLES.npz` a simulated capture (`lenslet simulate` writes
+//! TRUTH_DIR/views and TRUTH_DIR/disparity.npy, `lenslet decode` SAMPLES.npz): disparity errors, PSNR and SSIM of each method;
+//! `… -- field LIGHT_FIELD [--pitch P] [--truth-disparity GT.pfm]` any light field, its views sampled on a hexagonal grid of
+//! pitch P (1080/328 pixels unless told) and recovered at their own size;
+//! `… -- hidden SAMPLES.npz` a real capture: PSNR on hidden lenslets, and how well views agree.
+//! Prints one JSON object. PSNR over all channels, SSIM of luminance, sRGB-encoded values, 12 pixels of border left out.
+//! `--size N` longer side of the views (1080), `--save DIR` pictures, arrays (linear light) and epipolar images, `--all` times all views, `--quick` leaves hidden
+//! lenslets and epipolar images out.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::{Context, anyhow, bail, ensure};
+use lenslet::apps::relief;
+use lenslet::resample::multiview::{self, Bundle, Options, Surfaces};
+use lenslet::resample::{Target, barycentric, cubic};
+use lenslet_core::decode::{HexSamples, npz};
+use lenslet_core::lightfield::{self, ColourSpace, LightField, ReadOptions, colour};
+use lenslet_core::metrics::{self, Window};
+use lenslet_core::progress::Silent;
+use lenslet_core::sampling::{DEFAULT_PITCH, DEFAULT_ROTATION, Footprint, lattice_samples};
+use ndarray::{Array2, Array3, Axis, s};
+use serde_json::{Map, Value, json};
+
+const BORDER: usize = 12;
+const METHODS: [&str; 3] = ["barycentric", "cubic", "multiview"];
+
+struct Arguments {
+    task: String,
+    files: Vec<PathBuf>,
+    size: usize,
+    pitch: f64,
+    disparity: Option<PathBuf>,
+    save: Option<PathBuf>,
+    all: bool,
+    quick: bool,
+}
+
+fn arguments() -> anyhow::Result<Arguments> {
+    let mut out = Arguments {
+        task: String::new(),
+        files: Vec::new(),
+        size: 1080,
+        pitch: DEFAULT_PITCH,
+        disparity: None,
+        save: None,
+        all: false,
+        quick: false,
+    };
+    let mut arguments = std::env::args().skip(1);
+    while let Some(argument) = arguments.next() {
+        let mut value = || arguments.next().ok_or_else(|| anyhow!("{argument} needs a value"));
+        match argument.as_str() {
+            "--size" => out.size = value()?.parse().context("--size takes a number")?,
+            "--pitch" => out.pitch = value()?.parse().context("--pitch takes a number")?,
+            "--truth-disparity" => out.disparity = Some(value()?.into()),
+            "--save" => out.save = Some(value()?.into()),
+            "--all" => out.all = true,
+            "--quick" => out.quick = true,
+            other if other.starts_with("--") => bail!("unknown option {other}"),
+            _ if out.task.is_empty() => out.task = argument,
+            _ => out.files.push(argument.into()),
+        }
+    }
+    ensure!(
+        matches!((out.task.as_str(), out.files.len()), ("planes", 2) | ("field" | "hidden", 1)),
+        "usage: multiview planes TRUTH_DIR SAMPLES.npz | field LIGHT_FIELD | hidden SAMPLES.npz"
+    );
+    Ok(out)
+}
+
+/// As it would be looked at.
+fn encoded(linear: &Array3<f32>) -> Array3<f32> {
+    let mut view = linear.clone();
+    colour::convert(&mut view, ColourSpace::Linear, ColourSpace::Srgb);
+    view.mapv_inplace(|x| x.clamp(0.0, 1.0));
+    view
+}
+
+/// The views `wanted` by each method, linear light, and what was found on the way.
+struct Rendered {
+    views: Vec<Vec<Array3<f32>>>,
+    surfaces: Surfaces,
+    /// Seconds for disparity, for the views.
+    seconds: [f64; 2],
+}
+
+fn render(samples: &HexSamples, target: &Target, wanted: &[(usize, usize)]) -> anyhow::Result<Rendered> {
+    let values = |&(v, u): &(usize, usize)| samples.values.index_axis(Axis(0), v * samples.views + u);
+    let (flat, smooth) = (barycentric::prepare(samples, target)?, cubic::prepare(samples, target)?);
+    let mut views = vec![
+        wanted.iter().map(|at| barycentric::view(&flat, values(at))).collect::<anyhow::Result<Vec<_>>>()?,
+        wanted.iter().map(|at| cubic::view(&smooth, values(at))).collect::<anyhow::Result<_>>()?,
+        Vec::new(),
+    ];
+    let began = Instant::now();
+    let bundle = Bundle::hexagonal(samples, target)?;
+    let options = Options { views: Some(wanted.to_vec()), ..Options::default() };
+    let surfaces = Surfaces::estimate(&bundle, &options, &Silent)?;
+    let found = began.elapsed().as_secs_f64();
+    let mut keep = |_: usize, _: usize, view: &Array3<f32>| {
+        views[2].push(view.clone());
+        Ok(())
+    };
+    multiview::render_surfaces(&bundle, &surfaces, &options, &mut keep, &Silent)?;
+    let seconds = [found, began.elapsed().as_secs_f64() - found];
+    Ok(Rendered { views, surfaces, seconds })
+}
+
+/// The middle view, the one at the end of its row, and a corner.
+fn scored(views: usize) -> [(usize, usize); 3] {
+    [(views / 2, views / 2), (views / 2, views - 1), (0, 0)]
+}
+
+const PLACES: [&str; 3] = ["middle", "rim", "corner"];
+
+/// PSNR and SSIM of each method at each of the scored views.
+fn scores(rendered: &Rendered, truths: &[Array3<f32>]) -> anyhow::Result<Value> {
+    let mut out = Map::new();
+    for (method, views) in METHODS.iter().zip(&rendered.views) {
+        let mut places = Map::new();
+        for ((place, view), truth) in PLACES.iter().zip(views).zip(truths) {
+            let view = encoded(view);
+            let small = "the views are too small to be scored";
+            let (a, b) = (view.view(), truth.view());
+            let (a, b) = (metrics::inner(&a, BORDER).context(small)?, metrics::inner(&b, BORDER).context(small)?);
+            let (ya, yb) = (metrics::luminance(a), metrics::luminance(b));
+            places.insert(
+                (*place).into(),
+                json!({
+                    "psnr": metrics::psnr(a.into_dyn(), b.into_dyn())?,
+                    "ssim": metrics::ssim(ya.view(), yb.view(), Window::Gaussian)?,
+                }),
+            );
+        }
+        out.insert((*method).into(), places.into());
+    }
+    Ok(out.into())
+}
+
+/// PSNR of the rim and corner views moved onto the middle one by `disparity`, each method: do the views agree?
+fn agreement(rendered: &Rendered, disparity: &Array2<f32>, views: usize) -> anyhow::Result<Value> {
+    let reach = (views - 1 - views / 2) as f64;
+    let largest = disparity.iter().fold(0f32, |m, d| m.max(d.abs()));
+    let border = BORDER + (reach * f64::from(largest)).ceil() as usize;
+    let mut out = Map::new();
+    for (method, list) in METHODS.iter().zip(&rendered.views) {
+        let list: Vec<Array3<f32>> = list.iter().map(encoded).collect();
+        let one =
+            |k: usize, steps| metrics::consistency(list[0].view(), list[k].view(), disparity.view(), steps, border);
+        let mut places = Map::new();
+        places.insert("rim".into(), one(1, (reach, 0.0))?.into());
+        let away = -((views / 2) as f64);
+        places.insert("corner".into(), one(2, (away, away))?.into());
+        out.insert((*method).into(), places.into());
+    }
+    Ok(out.into())
+}
+
+/// Errors of the disparity found: everywhere, and where the true view has texture (a gradient of 0.02 a pixel).
+fn disparity_errors(found: &Array2<f32>, truth: &Array2<f32>, view: &Array3<f32>) -> Value {
+    let (h, w) = truth.dim();
+    let (fh, fw) = found.dim();
+    let full = Array2::from_shape_fn((h, w), |(t, s)| {
+        let place = |k: usize, n: usize, m: usize| (k * m / n).min(m - 1);
+        found[[place(t, h, fh), place(s, w, fw)]]
+    });
+    let light = metrics::luminance(view.view());
+    let textured = |t: usize, s: usize| {
+        t > 0 && s > 0 && t + 1 < h && s + 1 < w && {
+            let (x, y) = (light[[t, s + 1]] - light[[t, s - 1]], light[[t + 1, s]] - light[[t - 1, s]]);
+            0.5 * x.hypot(y) > 0.02
+        }
+    };
+    let told = |counts: &dyn Fn(usize, usize) -> bool| {
+        relief::errors(&full, truth, BORDER, 0.07, counts).map(
+            |e| json!({ "median": e.median, "within_0.07": 1.0 - e.bad, "mse_x100": e.mse100, "pixels": e.pixels }),
+        )
+    };
+    json!({ "textured": told(&textured), "all": told(&|_, _| true) })
+}
+
+fn simulated(truth: &Path, samples: &Path, a: &Arguments) -> anyhow::Result<Value> {
+    let samples = npz::load(samples)?;
+    let field = lightfield::load(&truth.join("views"), &ReadOptions::default())?;
+    let disparity: Array2<f32> = ndarray_npy::read_npy(truth.join("disparity.npy"))?;
+    let (h, w) = disparity.dim();
+    let target = Target { width: w, height: h };
+    let wanted = scored(samples.views);
+    let truths: Vec<Array3<f32>> = wanted
+        .iter()
+        .map(|&(v, u)| {
+            let mut view = field.data.slice(s![v, u, .., .., ..]).to_owned();
+            colour::convert(&mut view, field.meta.colour, ColourSpace::Srgb);
+            view
+        })
+        .collect();
+    let rendered = render(&samples, &target, &wanted)?;
+    save(&rendered, Some(&truths[0]), &samples, a)?;
+    Ok(json!({
+        "disparity": disparity_errors(&rendered.surfaces.middle.disparity, &disparity, &truths[0]),
+        "scores": scores(&rendered, &truths)?,
+        "agreement": agreement(&rendered, &disparity, samples.views)?,
+        "seconds": { "disparity": rendered.seconds[0], "views": rendered.seconds[1] },
+    }))
+}
+
+/// Samples of every view of a light field at the places of one hexagonal lattice, linear light.
+fn sampled(field: &LightField, pitch: f64) -> anyhow::Result<HexSamples> {
+    let (rows, columns, height, width, channels) = field.data.dim();
+    ensure!(rows == columns && rows % 2 == 1, "{rows}x{columns} views; a square, odd number is needed");
+    let (mut centres, mut index, mut values) = (Vec::new(), Vec::new(), Vec::new());
+    for v in 0..rows {
+        for u in 0..columns {
+            let view = field.data.slice(s![v, u, .., .., ..]);
+            let (placed, found) = lattice_samples(view, pitch, DEFAULT_ROTATION, [0.31, 0.47], Footprint::Bilinear)?;
+            (centres, index) = (placed.centres, placed.index);
+            values.extend(found);
+        }
+    }
+    let values = Array3::from_shape_vec((rows * columns, centres.len(), channels), values)?;
+    Ok(HexSamples { sensor: (width, height), centres, index, views: rows, view_step: 1.0, values })
+}
+
+fn resampled(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
+    let mut field = lightfield::load(path, &ReadOptions::default())?;
+    let wanted = scored(field.meta.views[0]);
+    let mut truths = Vec::new();
+    for &(v, u) in &wanted {
+        let mut view = field.data.slice(s![v, u, .., .., ..]).to_owned();
+        colour::convert(&mut view, field.meta.colour, ColourSpace::Srgb);
+        truths.push(view);
+    }
+    colour::convert(&mut field.data, field.meta.colour, ColourSpace::Linear);
+    field.meta.colour = ColourSpace::Linear;
+    let samples = sampled(&field, a.pitch)?;
+    let target = Target { width: samples.sensor.0, height: samples.sensor.1 };
+    let rendered = render(&samples, &target, &wanted)?;
+    save(&rendered, Some(&truths[0]), &samples, a)?;
+    let mut out = json!({
+        "lenslets": samples.centres.len(),
+        "scores": scores(&rendered, &truths)?,
+        "seconds": { "disparity": rendered.seconds[0], "views": rendered.seconds[1] },
+    });
+    if let Some(path) = &a.disparity {
+        // The benchmark counts disparity the other way round.
+        let truth = relief::read_pfm(&std::fs::read(path)?)?.mapv(|d| -d);
+        out["disparity"] = disparity_errors(&rendered.surfaces.middle.disparity, &truth, &truths[0]);
+        out["agreement"] = agreement(&rendered, &truth, samples.views)?;
+    }
+    Ok(out)
+}
+
+fn real(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
+    let samples = npz::load(path)?;
+    let target = Target::longer(samples.sensor, a.size);
+    let wanted = scored(samples.views);
+    let middle = wanted[0];
+    let mut hidden = Map::new();
+    for method in METHODS.into_iter().filter(|_| !a.quick) {
+        let score = multiview::hidden_score(&samples, &target, 0.1, 1, middle, &mut |rest| {
+            let values = rest.values.index_axis(Axis(0), middle.0 * rest.views + middle.1);
+            match method {
+                "barycentric" => barycentric::view(&barycentric::prepare(rest, &target)?, values),
+                "cubic" => cubic::view(&cubic::prepare(rest, &target)?, values),
+                _ => {
+                    let mut image = None;
+                    let mut keep = |_: usize, _: usize, view: &Array3<f32>| {
+                        image = Some(view.clone());
+                        Ok(())
+                    };
+                    let options = Options { views: Some(vec![middle]), ..Options::default() };
+                    multiview::render(rest, &target, &options, &mut keep, &Silent)?;
+                    image.context("no view was rendered")
+                }
+            }
+        })?;
+        hidden.insert(method.into(), score.psnr.into());
+    }
+    let rendered = render(&samples, &target, &wanted)?;
+    save(&rendered, None, &samples, a)?;
+    let disparity = enlarged(&rendered.surfaces.middle.disparity, &target);
+    Ok(json!({
+        "hidden_psnr": hidden,
+        "agreement": agreement(&rendered, &disparity, samples.views)?,
+        "seconds": { "disparity": rendered.seconds[0], "views": rendered.seconds[1] },
+    }))
+}
+
+fn enlarged(disparity: &Array2<f32>, target: &Target) -> Array2<f32> {
+    let (h, w) = disparity.dim();
+    Array2::from_shape_fn((target.height, target.width), |(t, s)| {
+        disparity[[(t * h / target.height).min(h - 1), (s * w / target.width).min(w - 1)]]
+    })
+}
+
+/// The middle view by each method and the disparity as pictures; epipolar images of the middle row of views, every view rendered.
+fn save(rendered: &Rendered, truth: Option<&Array3<f32>>, samples: &HexSamples, a: &Arguments) -> anyhow::Result<()> {
+    let Some(dir) = &a.save else { return Ok(()) };
+    std::fs::create_dir_all(dir)?;
+    let write = |name: String, view: &Array3<f32>| -> anyhow::Result<()> {
+        let (h, w, c) = view.dim();
+        let byte = |x: &f32| (255.0 * x.clamp(0.0, 1.0) + 0.5) as u8;
+        let picture = image::RgbImage::from_fn(w as u32, h as u32, |x, y| {
+            image::Rgb(std::array::from_fn(|k| byte(&view[[y as usize, x as usize, k.min(c - 1)]])))
+        });
+        picture.save(dir.join(name)).map_err(Into::into)
+    };
+    for (method, views) in METHODS.iter().zip(&rendered.views) {
+        for (place, view) in PLACES.iter().zip(views) {
+            write(format!("{method}-{place}.png"), &encoded(view))?;
+            ndarray_npy::write_npy(dir.join(format!("{method}-{place}.npy")), view)?;
+        }
+    }
+    if let Some(truth) = truth {
+        write("truth-middle.png".into(), truth)?;
+    }
+    let d = &rendered.surfaces.middle.disparity;
+    let ends = d.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), &d| (a.min(d), b.max(d)));
+    ndarray_npy::write_npy(dir.join("disparity.npy"), d)?;
+    let picture = relief::colours(&d.view(), ends);
+    std::fs::write(dir.join("disparity.png"), lenslet::apps::picture::png(&picture)?)?;
+    if a.quick {
+        return Ok(());
+    }
+    // Five lines of the picture, each followed through the middle row of views (eight pixels a view).
+    let (h, w, c) = rendered.views[0][0].dim();
+    let target = Target { width: w, height: h };
+    let n = samples.views;
+    let row: Vec<(usize, usize)> = (0..n).map(|u| (n / 2, u)).collect();
+    let all = render(samples, &target, &row)?;
+    for (method, views) in METHODS.iter().zip(&all.views) {
+        let views: Vec<Array3<f32>> = views.iter().map(encoded).collect();
+        let lines: Vec<usize> = (1..6).map(|k| k * h / 6).collect();
+        let epi = Array3::from_shape_fn((lines.len() * (8 * n + 6), w, c), |(y, x, k)| {
+            let (line, u) = (y / (8 * n + 6), y % (8 * n + 6) / 8);
+            if u < n { views[u][[lines[line], x, k]] } else { 1.0 }
+        });
+        write(format!("epi-{method}.png"), &epi)?;
+    }
+    Ok(())
+}
+
+/// Seconds for every view of the samples, nothing kept.
+fn timed(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
+    let samples = npz::load(path)?;
+    let target = Target::longer(samples.sensor, a.size);
+    let began = Instant::now();
+    let mut views = 0;
+    let mut count = |_: usize, _: usize, _: &Array3<f32>| {
+        views += 1;
+        Ok(())
+    };
+    multiview::render(&samples, &target, &Options::default(), &mut count, &Silent)?;
+    Ok(json!({ "views": views, "size": [target.width, target.height], "seconds": began.elapsed().as_secs_f64() }))
+}
+
+#[allow(clippy::print_stdout)]
+fn main() -> anyhow::Result<()> {
+    let a = arguments()?;
+    let first = &a.files[0];
+    let found = match a.task.as_str() {
+        _ if a.all => timed(a.files.last().unwrap_or(first), &a)?,
+        "planes" => simulated(first, &a.files[1], &a)?,
+        "field" => resampled(first, &a)?,
+        _ => real(first, &a)?,
+    };
+    println!("{found}");
+    Ok(())
+}

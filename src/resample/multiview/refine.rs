@@ -1,0 +1,220 @@
+//! Disparity made exact by the samples themselves: with the image I fitted to all samples at their places x = p − D·u, minimises
+//! Σ w (f − I(p − D·u))² over D around each pixel, by Gauss–Newton steps. Interpolated views are drawn towards no disparity,
+//! since all views have their samples at the same places; samples at their own places are not.
+
+use rayon::prelude::*;
+
+use super::surfaces::step;
+use super::{Bundle, Surfaces};
+use crate::apps::disparity::Plane;
+
+/// Times the image is fitted anew and the disparity corrected.
+const ROUNDS: usize = 4;
+
+/// Largest correction of one round, pixels of the map at the outermost view.
+const STEP: f32 = 0.7;
+
+/// Pixels of the map around a pixel that share its correction.
+const RADIUS: usize = 4;
+
+/// Neighbours whose disparities differ by more (pixels of the target per view step) belong to another surface.
+const SAME: f32 = 0.2;
+
+/// Brightness noise that is expected at least (of the square root of linear light).
+const NOISE: f32 = 0.008;
+
+/// What the samples around a pixel say about its disparity.
+#[derive(Clone, Copy, Default)]
+struct Vote {
+    /// Σ w g², Σ w r g: normal equation of the correction.
+    normal: f32,
+    right: f32,
+    /// Σ w r², Σ w.
+    misfit: f32,
+    weight: f32,
+}
+
+/// Corrects the disparities of the middle view (pixels of the target per view step) in `map`, whose pixels are `scale` pixels
+/// of the target wide.
+pub(super) fn refine(bundle: &Bundle, light: &[f32], surfaces: &Surfaces) -> Plane {
+    let scale = surfaces.scale;
+    let views = (surfaces.rows, surfaces.columns);
+    let middle = (views.0 / 2) * views.1 + views.1 / 2;
+    let mut map = surfaces.maps[middle].clone();
+    let (w, h) = (map.width, map.height);
+    if w < 8 || h < 8 || views.0 * views.1 < 2 {
+        return map;
+    }
+    let reach = (0..views.0 * views.1).map(|k| step(views, k)).fold(1f32, |m, s| m.max(s[0].abs()).max(s[1].abs()));
+    let mut rays = origins(bundle, surfaces);
+    let mut best = map.clone();
+    let mut least = vec![f32::INFINITY; w * h];
+    for round in 0..=ROUNDS {
+        place(bundle, &map, scale, views, &mut rays);
+        let image = fit(light, &rays, w, h);
+        let spread = spread(light, &rays, &image);
+        let votes = gather(&vote(light, &rays, &image, views, scale, spread), &map);
+        for (k, v) in votes.iter().enumerate() {
+            let misfit = v.misfit / v.weight.max(1e-6);
+            if misfit < least[k] {
+                (least[k], best.data[k]) = (misfit, map.data[k]);
+            }
+        }
+        if round == ROUNDS {
+            break;
+        }
+        let unit = scale[0].max(scale[1]);
+        let limit = STEP * unit / reach;
+        // What texture there must be for a correction by much: its error would be a tenth of a pixel at the rim.
+        let least = spread * spread * (reach * reach) / (0.1 * unit).powi(2);
+        map.data.par_iter_mut().zip(&votes).for_each(|(d, v)| {
+            *d += (v.right / (v.normal + least)).clamp(-limit, limit);
+        });
+    }
+    best
+}
+
+/// A sample: which, and where it lies in the middle view, pixels of the map.
+#[derive(Clone, Copy)]
+struct Ray {
+    sample: u32,
+    view: u16,
+    x: f32,
+    y: f32,
+}
+
+/// Samples that the middle view sees as well.
+fn origins(bundle: &Bundle, surfaces: &Surfaces) -> Vec<Ray> {
+    let views = (surfaces.rows, surfaces.columns);
+    let middle = (views.0 / 2) * views.1 + views.1 / 2;
+    let n = bundle.points.len();
+    let scale = surfaces.scale;
+    let (right, bottom) = ((bundle.target.width - 1) as f32, (bundle.target.height - 1) as f32);
+    (0..views.0 * views.1)
+        .into_par_iter()
+        .flat_map_iter(|k| {
+            let u = step(views, k);
+            bundle.points.iter().enumerate().filter_map(move |(i, p)| {
+                let d = surfaces.at(k, p[0], p[1]);
+                let (x, y) = (p[0] - d * u[0], p[1] - d * u[1]);
+                let seen = x >= 0.0 && y >= 0.0 && x <= right && y <= bottom;
+                let miss = (surfaces.at(middle, x, y) - d).abs();
+                (seen && miss < SAME).then(|| Ray {
+                    sample: (k * n + i) as u32,
+                    view: k as u16,
+                    x: (x + 0.5) / scale[0] - 0.5,
+                    y: (y + 0.5) / scale[1] - 0.5,
+                })
+            })
+        })
+        .collect()
+}
+
+/// Where the samples lie under the disparities of `map`.
+fn place(bundle: &Bundle, map: &Plane, scale: [f32; 2], views: (usize, usize), rays: &mut [Ray]) {
+    let n = bundle.points.len();
+    rays.par_iter_mut().for_each(|ray| {
+        let p = bundle.points[ray.sample as usize % n];
+        let u = step(views, ray.view as usize);
+        let (s, t) = ((ray.x + 0.5).max(0.0) as usize, (ray.y + 0.5).max(0.0) as usize);
+        let d = map.data[t.min(map.height - 1) * map.width + s.min(map.width - 1)];
+        ray.x = (p[0] - d * u[0] + 0.5) / scale[0] - 0.5;
+        ray.y = (p[1] - d * u[1] + 0.5) / scale[1] - 0.5;
+    });
+}
+
+/// Cell, shares of its four pixels; none outside.
+#[inline]
+fn cell(ray: &Ray, w: usize, h: usize) -> Option<(usize, f32, f32)> {
+    if !(ray.x >= 0.0 && ray.y >= 0.0 && ray.x < (w - 1) as f32 && ray.y < (h - 1) as f32) {
+        return None;
+    }
+    let (x, y) = (ray.x as usize, ray.y as usize);
+    Some((y * w + x, ray.x - x as f32, ray.y - y as f32))
+}
+
+/// The image that the samples make: their means, and what these leave, added once more.
+fn fit(light: &[f32], rays: &[Ray], w: usize, h: usize) -> Plane {
+    let mut image = vec![0f32; w * h];
+    for _ in 0..2 {
+        let mut sums = vec![[0f32; 2]; w * h];
+        for ray in rays {
+            let Some((k, fx, fy)) = cell(ray, w, h) else { continue };
+            let b = [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy];
+            let r = light[ray.sample as usize]
+                - (b[0] * image[k] + b[1] * image[k + 1] + b[2] * image[k + w] + b[3] * image[k + w + 1]);
+            for (b, at) in b.into_iter().zip([k, k + 1, k + w, k + w + 1]) {
+                sums[at][0] += b * r;
+                sums[at][1] += b;
+            }
+        }
+        for (p, s) in image.iter_mut().zip(&sums) {
+            *p += s[0] / (s[1] + 1e-3);
+        }
+    }
+    Plane { width: w, height: h, data: image }
+}
+
+/// Residual of a ray, and how the image changes there along x and y (pixels of the map).
+#[inline]
+fn residual(light: &[f32], ray: &Ray, image: &Plane) -> Option<(f32, f32, f32)> {
+    let w = image.width;
+    let (k, fx, fy) = cell(ray, w, image.height)?;
+    let [a, b, c, d] = [image.data[k], image.data[k + 1], image.data[k + w], image.data[k + w + 1]];
+    let (upper, lower) = (a + fx * (b - a), c + fx * (d - c));
+    let slope = [(1.0 - fy) * (b - a) + fy * (d - c), lower - upper];
+    Some((light[ray.sample as usize] - (upper + fy * (lower - upper)), slope[0], slope[1]))
+}
+
+/// Beyond this a sample hardly counts: three times the usual misfit.
+fn spread(light: &[f32], rays: &[Ray], image: &Plane) -> f32 {
+    let few = rays.iter().step_by(37);
+    let mut squares: Vec<f32> = few.filter_map(|r| residual(light, r, image)).map(|(r, ..)| r * r).collect();
+    squares.sort_unstable_by(f32::total_cmp);
+    let median = squares.get(squares.len() / 2).copied().unwrap_or(0.0);
+    // The median of squares is 0.455 of their mean.
+    3.0 * (median / 0.455).sqrt().max(NOISE)
+}
+
+/// Every sample's vote, at the pixel nearest to it.
+fn vote(light: &[f32], rays: &[Ray], image: &Plane, views: (usize, usize), scale: [f32; 2], spread: f32) -> Vec<Vote> {
+    let w = image.width;
+    let mut votes = vec![Vote::default(); w * image.height];
+    let steps: Vec<[f32; 2]> = (0..views.0 * views.1).map(|k| step(views, k)).collect();
+    for ray in rays {
+        let Some((r, gx, gy)) = residual(light, ray, image) else { continue };
+        let u = steps[ray.view as usize];
+        let g = -(gx * u[0] / scale[0] + gy * u[1] / scale[1]);
+        let belief = 1.0 / (1.0 + (r / spread).powi(2));
+        let weight = belief * belief;
+        let v = &mut votes[(ray.y + 0.5) as usize * w + (ray.x + 0.5) as usize];
+        v.normal += weight * g * g;
+        v.right += weight * g * r;
+        v.misfit += (r * r).min(spread * spread);
+        v.weight += 1.0;
+    }
+    votes
+}
+
+/// Sums of the votes of the same surface around every pixel.
+fn gather(votes: &[Vote], map: &Plane) -> Vec<Vote> {
+    let (w, h) = (map.width, map.height);
+    let mut out = vec![Vote::default(); w * h];
+    out.par_chunks_mut(w).enumerate().for_each(|(t, row)| {
+        for (s, o) in row.iter_mut().enumerate() {
+            let own = map.data[t * w + s];
+            for y in t.saturating_sub(RADIUS)..=(t + RADIUS).min(h - 1) {
+                for x in s.saturating_sub(RADIUS)..=(s + RADIUS).min(w - 1) {
+                    if (map.data[y * w + x] - own).abs() < SAME {
+                        let v = &votes[y * w + x];
+                        o.normal += v.normal;
+                        o.right += v.right;
+                        o.misfit += v.misfit;
+                        o.weight += v.weight;
+                    }
+                }
+            }
+        }
+    });
+    out
+}
