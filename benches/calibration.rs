@@ -1,35 +1,40 @@
-//! Time of calibration: a simulated white image of 1640x1640 pixels (a quarter of an F01's), pitch 9.93 px.
+//! Time of calibration: a simulated white image of 1640x1640 pixels (a quarter of an F01's), pitch 9.93 px, and one of
+//! 7728x5368 (an Illum's), pitch 14.29 px.
 //! `cargo run --release --example centres -- IMAGE.png OUT.npy --times` splits a real one by stage.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use lenslet_core::calibration::{Options, Variant, calibrate, from_captures};
-use lenslet_core::container::{CameraFacts, Capture, Cfa, Levels};
+use lenslet_core::container::{Capture, Cfa, Levels};
 use lenslet_core::progress::Silent;
 use lenslet_data_gen::simulate::{Camera, Lenslets, expose_white, record, white_pattern};
 
-fn white() -> Option<Capture> {
-    let camera = Camera { sensor: (1640, 1640), ..Camera::default() };
+/// A white image of a sensor of this size, with lenslets of this pitch.
+fn white(sensor: (usize, usize), pitch: f64) -> Option<Capture> {
+    let camera = Camera { sensor, pitch, ..Camera::default() };
     let lenslets = Lenslets::new(&camera, 1).ok()?;
     let light = expose_white(&camera, &white_pattern(&camera, &lenslets));
-    Some(Capture {
-        mosaic: record(&light, camera.sensor, 0.7, 1, 0),
-        cfa: Cfa::Bggr,
-        levels: Levels { black: [168.0; 4], white: [4095.0; 4] },
-        colour: camera.colour,
-        camera: CameraFacts::default(),
-        mla: None,
-        source_sha256: String::new(),
-        white: None,
-        warnings: Vec::new(),
-    })
+    let levels = Levels { black: [168.0; 4], white: [4095.0; 4] };
+    Some(Capture::bare(record(&light, camera.sensor, 0.7, 1, 0), Cfa::Bggr, levels))
+}
+
+/// As large as an Illum's.
+fn large(c: &mut Criterion) {
+    let Some(white) = white((7728, 5368), 14.2857) else { return };
+    let mut group = c.benchmark_group("calibrate 7728x5368");
+    group.throughput(Throughput::Elements(7728 * 5368)).sample_size(10);
+    for (name, without_vignetting) in [("full", true), ("full with vignetting", false)] {
+        let options = Options { without_vignetting, ..Options::default() };
+        group.bench_function(name, |b| b.iter(|| calibrate(std::slice::from_ref(&white), &options, &Silent)));
+    }
+    group.finish();
 }
 
 fn calibration(c: &mut Criterion) {
-    let Some(white) = white() else { return };
+    let Some(white) = white((1640, 1640), Camera::default().pitch) else { return };
     let mut group = c.benchmark_group("calibrate 1640x1640");
     group.throughput(Throughput::Elements(1640 * 1640)).sample_size(10);
     for variant in [Variant::Full, Variant::Paper] {
-        let options = Options { variant, without_vignetting: true };
+        let options = Options { variant, without_vignetting: true, ..Options::default() };
         group.bench_function(variant.name(), |b| b.iter(|| calibrate(std::slice::from_ref(&white), &options, &Silent)));
     }
     let options = Options::default();
@@ -42,5 +47,5 @@ fn calibration(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, calibration);
+criterion_group!(benches, calibration, large);
 criterion_main!(benches);

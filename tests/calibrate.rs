@@ -2,13 +2,16 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
 
+mod fixtures;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use assert_cmd::Command;
+use fixtures::{f01_capture, shared};
 use lenslet_core::calibration;
-use lenslet_core::container::{CameraFacts, Capture, Cfa, ColourFacts, Levels, write_lfp};
+use lenslet_core::container::{Capture, write_lfp};
 use lenslet_data_gen::simulate::{Camera, Lenslets, expose_white, record, white_pattern};
 use serde_json::Value;
 
@@ -45,26 +48,9 @@ fn whites(count: u32, serial: &str, zoom: i64) -> (Vec<Capture>, Vec<[f64; 2]>) 
     let camera = camera();
     let lenslets = Lenslets::new(&camera, 3).unwrap();
     let light = expose_white(&camera, &white_pattern(&camera, &lenslets));
-    let one = |k| Capture {
-        mosaic: record(&light, camera.sensor, 0.7, 3, k),
-        cfa: Cfa::Bggr,
-        levels: Levels { black: [168.0; 4], white: [4095.0; 4] },
-        colour: ColourFacts {
-            white_balance: [1.0; 4],
-            ccm: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-            gamma: None,
-        },
-        camera: CameraFacts {
-            model: Some("F01".into()),
-            serial: Some(serial.into()),
-            zoom_step: Some(zoom),
-            focus_step: Some(7),
-            ..CameraFacts::default()
-        },
-        mla: None,
-        source_sha256: String::new(),
-        white: None,
-        warnings: Vec::new(),
+    let one = |k| {
+        let mosaic = record(&light, camera.sensor, 0.7, 3, k);
+        f01_capture(mosaic.width, mosaic.height, mosaic.data, Some(serial), Some(zoom), Some(7))
     };
     ((1..=count).map(one).collect(), lenslets.on_sensor())
 }
@@ -101,8 +87,18 @@ fn white_images_become_a_calibration_with_the_true_centres() {
     assert!(n > 1000.0 && rms < 0.03, "{rms} over {n}");
 
     assert!(refused(&args, 1).contains("--force"));
-    let described = lenslet(&["info", text(&out)]);
-    assert!(described.status.success());
+    // `info` says the same of the file, figures of quality among them.
+    let told = json(&["info", "--json", text(&out)]);
+    for key in ["scatter", "noise", "rejected", "confidence", "residual_rms", "pitch", "count"] {
+        assert!(told[key].is_number() && told[key] == said[key], "{key}: {told}");
+    }
+    let printed = String::from_utf8(lenslet(&["info", text(&out)]).stdout).unwrap();
+    for word in ["scatter:", "noise:", "rejected:", "confidence:"] {
+        assert!(printed.contains(word), "{printed}");
+    }
+    // Two bytes a pixel and 28 a lenslet it would be, plainly written.
+    let plain = 400 * 400 * 2 + read.lenslets.len() as u64 * 28;
+    assert!(fs::metadata(&out).unwrap().len() < plain * 6 / 10);
 }
 
 #[test]
@@ -144,6 +140,90 @@ fn captures_alone_give_a_calibration() {
     assert!((said["pitch"].as_f64().unwrap() - 10.2).abs() < 0.005, "{said}");
     assert_eq!(said["origin"]["method"], "captures");
     assert!(calibration::load(&dir.path().join("c.calib")).unwrap().vignetting.is_some());
+}
+
+/// Hot pixels, and a black image that shows them.
+fn black(white: &Capture) -> (Vec<u32>, Capture) {
+    let hot: Vec<u32> = (0..400u32 * 400).filter(|k| k % 3001 == 17).collect();
+    let mut black = white.clone();
+    black.mosaic.data = (0..400 * 400).map(|k: u32| 166 + (k * 7919 % 5) as u16).collect();
+    hot.iter().for_each(|&k| black.mosaic.data[k as usize] = 900);
+    (hot, black)
+}
+
+#[test]
+fn black_images_give_the_hot_pixels_to_leave_out() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut white = whites(1, "A1", 5).0.remove(0);
+    let (hot, black) = black(&white);
+    hot.iter().for_each(|&k| white.mosaic.data[k as usize] = 4095);
+    let (white_file, black_file) = (written(dir.path(), "w.lfp", &white), written(dir.path(), "MOD_0000.lfp", &black));
+    let out = dir.path().join("cam.calib");
+    let args = ["calibrate", "--json", text(&white_file), "--black", text(&black_file), "--out", text(&out)];
+    assert_eq!(json(&args)["hot_pixels"], hot.len());
+    assert_eq!(calibration::load(&out).unwrap().hot_pixels, hot);
+    // A white image is no black one, and one of another camera tells nothing of this.
+    let other = dir.path().join("x.calib");
+    let args = |black: &str| {
+        ["calibrate", "-q", text(&white_file), "--black", black, "--out", text(&other)].map(str::to_string)
+    };
+    let line = |black: &Path| refused(&args(text(black)).iter().map(String::as_str).collect::<Vec<_>>(), 1);
+    assert!(line(&white_file).contains("not black"));
+    let mut strange = black.clone();
+    strange.camera.serial = Some("B2".into());
+    assert!(line(&written(dir.path(), "b2.lfp", &strange)).contains("not of the camera"));
+    // A folder's own black images are found.
+    let place = dir.path().join("folder");
+    fs::create_dir(&place).unwrap();
+    written(&place, "MOD_0000.lfp", &black);
+    written(&place, "MOD_0001.lfp", &black);
+    written(&place, "MOD_0002.lfp", &white);
+    let out = dir.path().join("calibrations");
+    let said = json(&["calibrate", "-q", "--json", "--bundle", text(&place), "--out", text(&out)]);
+    assert_eq!(said["calibrations"][0]["hot_pixels"], hot.len(), "{said}");
+}
+
+#[test]
+fn one_bad_file_does_not_cost_the_others() {
+    let dir = tempfile::tempdir().unwrap();
+    let (captures, _) = whites(3, "A1", 5);
+    let mut files: Vec<PathBuf> =
+        captures.iter().enumerate().map(|(k, c)| written(dir.path(), &format!("{k}.lfp"), c)).collect();
+    let broken = dir.path().join("broken.lfp");
+    fs::write(&broken, b"hello").unwrap();
+    let dark = written(dir.path(), "dark.lfp", &black(&captures[0]).1);
+    files.extend([broken.clone(), dark.clone()]);
+    for (kind, name) in [(None, "whites"), (Some("--from-captures"), "captures")] {
+        let out = dir.path().join(format!("{name}.calib"));
+        let mut args = vec!["calibrate", "--json", "--out", text(&out)];
+        args.extend(kind);
+        args.extend(files.iter().map(|f| text(f)));
+        let done = lenslet(&args);
+        let notes = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert!(done.status.success(), "{notes}");
+        let said: Value = serde_json::from_slice(&done.stdout).unwrap();
+        assert_eq!(said["origin"]["sources"].as_array().unwrap().len(), 3, "{notes}");
+        for left in ["broken.lfp", "dark.lfp"] {
+            assert!(notes.lines().any(|l| l.contains(left) && l.contains("left out")), "{notes}");
+        }
+        // None usable: one line.
+        let mut args = vec!["calibrate", "-q", "--out", "never.calib"];
+        args.extend(kind);
+        args.extend([text(&dark), text(&broken)]);
+        assert!(refused(&args, 1).contains("black"));
+    }
+}
+
+#[test]
+fn a_size_that_does_not_fit_the_camera_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut white = whites(1, "A1", 5).0.remove(0);
+    (white.mosaic.width, white.mosaic.height) = (40, 4000);
+    let tall = written(dir.path(), "tall.lfp", &white);
+    let out = dir.path().join("x.calib");
+    let line = refused(&["calibrate", "-q", text(&tall), "--profile", "lytro-f01", "--out", text(&out)], 1);
+    assert!(line.contains("tall.lfp") && line.contains("40x4000") && line.contains("3280x3280"), "{line}");
+    assert!(!out.exists());
 }
 
 #[test]
@@ -213,19 +293,6 @@ fn wrong_input_ends_in_one_line_and_leaves_nothing() {
     refused(&["calibrate", text(&first), "--variant", "best", "--out", text(&out)], 2);
     assert!(!out.exists());
     assert!(fs::read_dir(dir.path()).unwrap().all(|e| !e.unwrap().file_name().to_string_lossy().contains("tmp")));
-}
-
-/// Where the shared real data lies; tests of it say so when it is absent.
-fn shared(name: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("LENSLET_SHARED")
-        .map(PathBuf::from)
-        .unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"));
-    let path = root.join("data").join(name);
-    if path.exists() {
-        return Some(path);
-    }
-    println!("{} is absent: planted truth in the other tests covers the code", path.display());
-    None
 }
 
 #[test]

@@ -2,14 +2,17 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
 
+mod fixtures;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use assert_cmd::Command;
+use fixtures::{container, f01_capture, shared};
 use lenslet_core::container::packing::{Packing, pack};
-use lenslet_core::container::segments::{MAGIC, sha1_of};
-use lenslet_core::container::{CameraFacts, Capture, Cfa, ColourFacts, Levels, MlaHint, RawMosaic, open, write_lfp};
+use lenslet_core::container::segments::sha1_of;
+use lenslet_core::container::{Capture, MlaHint, RawMosaic, open, write_lfp};
 use serde_json::{Value, json};
 
 fn lenslet(args: &[&str]) -> Output {
@@ -31,47 +34,11 @@ fn refused(args: &[&str]) -> String {
 }
 
 fn capture(width: usize, height: usize) -> Capture {
-    Capture {
-        mosaic: RawMosaic { width, height, data: (0..width * height).map(|i| (i * 31 % 4096) as u16).collect() },
-        cfa: Cfa::Bggr,
-        levels: Levels { black: [168.0; 4], white: [4095.0; 4] },
-        colour: ColourFacts {
-            white_balance: [1.0, 1.0, 1.0, 1.5],
-            ccm: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-            gamma: None,
-        },
-        camera: CameraFacts {
-            make: Some("Lytro, Inc.".into()),
-            model: Some("F01".into()),
-            serial: Some("A1\u{1b}[2J".into()),
-            zoom_step: Some(500),
-            focus_step: Some(300),
-            ..CameraFacts::default()
-        },
-        mla: Some(MlaHint { pitch: 10.0, rotation: 0.001, row_stretch: 1.0004 }),
-        source_sha256: String::new(),
-        white: None,
-        warnings: Vec::new(),
-    }
-}
-
-fn segment(out: &mut Vec<u8>, letter: u8, payload: &[u8]) {
-    out.extend([0x89, b'L', b'F', letter, b'\r', b'\n', 0x1a, b'\n', 0, 0, 0, 0]);
-    out.extend((payload.len() as u32).to_be_bytes());
-    out.extend(sha1_of(payload).bytes());
-    out.extend([0; 35]);
-    out.extend(payload);
-    out.resize(out.len().next_multiple_of(16), 0);
-}
-
-fn container(contents: &Value, parts: &[&[u8]]) -> Vec<u8> {
-    let mut out = MAGIC.to_vec();
-    out.extend([0, 0, 0, 1, 0, 0, 0, 0]);
-    segment(&mut out, b'M', contents.to_string().as_bytes());
-    for part in parts {
-        segment(&mut out, b'C', part);
-    }
-    out
+    let data = (0..width * height).map(|i| (i * 31 % 4096) as u16).collect();
+    let mut capture = f01_capture(width, height, data, Some("A1\u{1b}[2J"), Some(500), Some(300));
+    capture.colour.white_balance = [1.0, 1.0, 1.0, 1.5];
+    capture.mla = Some(MlaHint { pitch: 10.0, rotation: 0.001, row_stretch: 1.0004 });
+    capture
 }
 
 #[test]
@@ -319,17 +286,6 @@ fn decode_finds_the_white_image_of_a_capture_in_a_bundle() {
     let told = String::from_utf8_lossy(&run.stderr).into_owned();
     assert!(!run.status.success() && told.contains("serial C3") && told.contains("of another camera, A1"), "{told}");
     assert!(!dir.path().join("none.npy").exists());
-}
-
-fn shared(what: &str) -> Option<PathBuf> {
-    let base = std::env::var_os("LENSLET_SHARED")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
-    let path = base.join("data").join(what);
-    if path.exists() {
-        return Some(path);
-    }
-    println!("{} is absent: this part of the test was left out", path.display());
-    None
 }
 
 #[test]

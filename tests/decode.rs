@@ -2,11 +2,14 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
 
+mod fixtures;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use fixtures::f01_capture;
 use lenslet_core::calibration::{self, Calibration, Lenslet, Vignetting};
-use lenslet_core::container::{self, CameraFacts, Capture, Cfa, ColourFacts, Levels, RawMosaic};
+use lenslet_core::container;
 use lenslet_core::decode::npz;
 use lenslet_core::lightfield::{self, ReadOptions};
 use lenslet_core::sampling::{hexagonal, place};
@@ -18,27 +21,8 @@ fn camera(dir: &Path) -> (PathBuf, PathBuf) {
     let lattice = hexagonal(10.0, 0.003, 1.0, [60.2, 59.7]);
     let placed = place(&lattice, SIDE, SIDE).unwrap();
     let pixels = || (0..SIDE * SIDE).map(|k| (k % SIDE, k / SIDE));
-    let capture = Capture {
-        mosaic: RawMosaic { width: SIDE, height: SIDE, data: pixels().map(|(x, _)| 600 + 20 * x as u16).collect() },
-        cfa: Cfa::Bggr,
-        levels: Levels { black: [168.0; 4], white: [4095.0; 4] },
-        colour: ColourFacts {
-            white_balance: [1.0; 4],
-            ccm: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-            gamma: None,
-        },
-        camera: CameraFacts {
-            make: Some("Lytro, Inc.".into()),
-            model: Some("F01".into()),
-            serial: Some("A000000001".into()),
-            zoom_step: Some(900),
-            ..CameraFacts::default()
-        },
-        mla: None,
-        source_sha256: String::new(),
-        white: None,
-        warnings: Vec::new(),
-    };
+    let ramp = pixels().map(|(x, _)| 600 + 20 * x as u16).collect();
+    let capture = f01_capture(SIDE, SIDE, ramp, Some("A000000001"), Some(900), None);
     let lfp = dir.join("ramp.lfp");
     container::write_lfp(&lfp, &capture, false).unwrap();
     let lenslets = placed.centres.iter().zip(&placed.index);
@@ -49,6 +33,7 @@ fn camera(dir: &Path) -> (PathBuf, PathBuf) {
         lenslets: lenslets.map(|(c, i)| Lenslet { i: i[0], j: i[1], x: c[0], y: c[1], trust: 1.0 }).collect(),
         quality: Default::default(),
         vignetting: Some(Vignetting { width: SIDE, height: SIDE, white: vec![32768; SIDE * SIDE] }),
+        hot_pixels: Vec::new(),
         origin: Default::default(),
     };
     camera.origin.serial = Some("A000000001".into());
@@ -182,6 +167,43 @@ fn the_calibration_is_chosen_with_its_reason() {
     let words = said(&none);
     assert_eq!(none.status.code(), Some(1));
     assert!(words.contains("A000000001") && words.contains("A7") && words.lines().count() == 1, "{words}");
+}
+
+#[test]
+fn a_calibration_of_another_camera_is_refused_with_the_reason() {
+    let dir = tempfile::tempdir().unwrap();
+    let (lfp, calib) = camera(dir.path());
+    let own = calibration::load(&calib).unwrap();
+    let out = dir.path().join("lf");
+    let of = |change: &dyn Fn(&mut Calibration)| {
+        let mut other = own.clone();
+        change(&mut other);
+        let path = dir.path().join("other.calib");
+        calibration::save(&path, &other, true).unwrap();
+        let done = decode!(lfp, "--calibration", path, "--out", out, "--size", "24", "--views", "1");
+        let words = said(&done);
+        assert!(
+            done.status.code() == Some(1) && words.lines().count() == 1 && words.contains("other.calib"),
+            "{words}"
+        );
+        words
+    };
+    let serial = of(&|c| c.origin.serial = Some("A7".into()));
+    assert!(serial.contains("camera A7") && serial.contains("A000000001"), "{serial}");
+    let model = of(&|c| c.origin.model = Some("ILLUM".into()));
+    assert!(model.contains("ILLUM") && model.contains("F01"), "{model}");
+    let size = of(&|c| {
+        (c.width, c.vignetting) = (SIDE + 2, None);
+    });
+    assert!(size.contains("122x120") && size.contains("120x120"), "{size}");
+    assert!(!out.exists());
+    // Its own, of another zoom: decoded, and said.
+    let done = decode!(lfp, "--calibration", calib, "--out", out, "--size", "24", "--views", "1");
+    assert!(
+        done.status.success() && said(&done).contains("zoom step 700, the capture taken at 900"),
+        "{}",
+        said(&done)
+    );
 }
 
 #[test]

@@ -3,9 +3,13 @@
 #![allow(clippy::excessive_precision)] // published values are kept as published
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
 
-use std::fs;
-use std::path::{Path, PathBuf};
+#[path = "../../tests/fixtures/mod.rs"]
+mod fixtures;
 
+use std::fs;
+use std::path::Path;
+
+use fixtures::shared;
 use lenslet_core::container::packing::{Packing, pack};
 use lenslet_core::container::segments::Container;
 use lenslet_core::container::{
@@ -241,17 +245,6 @@ fn damage_is_a_warning_and_an_absent_image_an_error() {
     fs::write(&path, &bytes).unwrap();
     let error = open(&path, None).unwrap_err();
     assert!(matches!(&error, Error::Missing { what, .. } if what == "imageRef"), "{error}");
-}
-
-fn shared(what: &str) -> Option<PathBuf> {
-    let base = std::env::var_os("LENSLET_SHARED")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared"), PathBuf::from);
-    let path = base.join("data").join(what);
-    if path.exists() {
-        return Some(path);
-    }
-    println!("{} is absent: this part of the test was left out", path.display());
-    None
 }
 
 #[test]

@@ -327,6 +327,7 @@ fn small_calibration() -> Calibration {
         lenslets,
         quality: Quality { residual_rms: 0.01, rejected: 0.0, confidence: 0.9, ..Quality::default() },
         vignetting: Some(Vignetting { width: 64, height: 48, white: (0..64 * 48).map(|i| i as u16 * 10).collect() }),
+        hot_pixels: Vec::new(),
         origin: Origin { method: "white".into(), ..Origin::default() },
     }
 }

@@ -2,14 +2,16 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
 
+#[path = "../../tests/fixtures/mod.rs"]
+mod fixtures;
+
 use std::fs;
 use std::path::Path;
 
+use fixtures::{container, f01_capture};
 use lenslet_core::container::packing::{Packing, pack};
-use lenslet_core::container::segments::{MAGIC, sha1_of};
-use lenslet_core::container::{
-    CameraFacts, Capture, Cfa, ColourFacts, Error, Levels, RawMosaic, open, whites, write_lfp,
-};
+use lenslet_core::container::segments::sha1_of;
+use lenslet_core::container::{Capture, Error, open, whites, write_lfp};
 use serde_json::{Value, json};
 
 const SIDE: usize = 64;
@@ -54,26 +56,7 @@ fn fill(dir: &Path, entries: &[Entry]) {
 }
 
 fn capture(serial: Option<&str>, zoom: Option<i64>, focus: Option<i64>) -> Capture {
-    Capture {
-        mosaic: RawMosaic { width: SIDE, height: SIDE, data: vec![700; SIDE * SIDE] },
-        cfa: Cfa::Bggr,
-        levels: Levels { black: [168.0; 4], white: [4095.0; 4] },
-        colour: ColourFacts {
-            white_balance: [1.0; 4],
-            ccm: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-            gamma: None,
-        },
-        camera: CameraFacts {
-            serial: serial.map(Into::into),
-            zoom_step: zoom,
-            focus_step: focus,
-            ..CameraFacts::default()
-        },
-        mla: None,
-        source_sha256: String::new(),
-        white: None,
-        warnings: Vec::new(),
-    }
+    f01_capture(SIDE, SIDE, vec![700; SIDE * SIDE], serial, zoom, focus)
 }
 
 fn stem(choice: &whites::Choice) -> String {
@@ -149,25 +132,6 @@ fn nothing_found_says_what_was_looked_for_and_what_was_there() {
     assert!(whites::find(&dir.path().join("absent"), &wanted).is_err());
 }
 
-fn segment(out: &mut Vec<u8>, letter: u8, payload: &[u8]) {
-    out.extend([0x89, b'L', b'F', letter, b'\r', b'\n', 0x1a, b'\n', 0, 0, 0, 0]);
-    out.extend((payload.len() as u32).to_be_bytes());
-    out.extend(sha1_of(payload).bytes());
-    out.extend([0; 35]);
-    out.extend(payload);
-    out.resize(out.len().next_multiple_of(16), 0);
-}
-
-fn container(contents: &Value, parts: &[Vec<u8>]) -> Vec<u8> {
-    let mut out = MAGIC.to_vec();
-    out.extend([0, 0, 0, 1, 0, 0, 0, 0]);
-    segment(&mut out, b'M', contents.to_string().as_bytes());
-    for part in parts {
-        segment(&mut out, b'C', part);
-    }
-    out
-}
-
 fn volume(entries: &[Entry], next: Option<&str>) -> Vec<u8> {
     let mut files = Vec::new();
     let mut parts = Vec::new();
@@ -183,6 +147,7 @@ fn volume(entries: &[Entry], next: Option<&str>) -> Vec<u8> {
     if let Some(next) = next {
         contents["nextFile"] = next.into();
     }
+    let parts: Vec<&[u8]> = parts.iter().map(Vec::as_slice).collect();
     container(&contents, &parts)
 }
 

@@ -9,10 +9,13 @@ use lenslet_core::calibration::{self, Calibration, Options, Variant, paper};
 use lenslet_core::container::whites::{self, Candidate, State};
 use lenslet_core::container::{self, Capture};
 use lenslet_core::output;
-use lenslet_core::progress::Observer;
+use lenslet_core::progress::{Observer, Silent};
 use serde_json::{Value, json};
 
 use super::{Context, Interrupted, Outcome};
+
+/// Black images of a camera looked at, at most.
+const MOST_BLACKS: usize = 8;
 
 /// Calibrate a camera: find the centre of every lenslet in white images
 #[derive(Debug, clap::Args)]
@@ -20,7 +23,8 @@ use super::{Context, Interrupted, Outcome};
 Example: lenslet calibrate white-00.lfp white-01.lfp --out cam.calib
 
 White images are captures of an evenly lit white surface; several of one camera, zoom and focus are averaged. Accepted are
-.lfp containers, .raw with the .txt or .json beside it, and mosaics as png, tif or jpg.")]
+.lfp containers, .raw with the .txt or .json beside it, and mosaics as png, tif or jpg. Of several images, those that are of no use
+are left out with a note.")]
 pub struct Args {
     /// White images of one camera
     #[arg(required_unless_present_any = ["from_captures", "bundle"], value_name = "WHITE")]
@@ -31,6 +35,9 @@ pub struct Args {
     /// A camera's calibration folder, data.C.n bundle or .tar: calibrates every zoom and focus in it; --out is a folder then
     #[arg(long, value_name = "DIR", conflicts_with_all = ["whites", "from_captures", "picture", "dump"])]
     bundle: Option<PathBuf>,
+    /// Black images (taken with the lens covered): their hot pixels are left out here and in decoding
+    #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with = "bundle")]
+    black: Vec<PathBuf>,
     /// The calibration file (with --bundle: folder) to write
     #[arg(short, long, value_name = "CAM.calib")]
     out: PathBuf,
@@ -60,16 +67,21 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     for path in pictures.iter().chain(&args.dump).chain([&args.out]) {
         refuse_existing(path, args.force)?;
     }
-    let options = Options { variant: args.variant, ..Options::default() };
     let whites = args.from_captures.is_empty();
-    let paths = if whites { &args.whites } else { &args.from_captures };
-    let captures = open(paths, args.profile.as_deref(), context)?;
+    let given = if whites { &args.whites } else { &args.from_captures };
+    let (paths, captures) = open(given, args.profile.as_deref(), context)?;
+    let options = Options {
+        variant: args.variant,
+        hot_pixels: hot_pixels_of_files(args, &captures[0], context)?,
+        names: paths.iter().map(|p| p.display().to_string()).collect(),
+        ..Options::default()
+    };
     let found = if whites {
         calibration::calibrate(&captures, &options, &context.progress)
     } else {
         calibration::from_captures(&captures, &options, &context.progress)
     };
-    let found = found.map_err(|e| failed(e, paths))?;
+    let found = found.map_err(|e| failed(e, &paths))?;
     calibration::save(&args.out, &found, args.force)?;
     if !pictures.is_empty() {
         let [whole, close] = figures::centres(&found);
@@ -80,9 +92,12 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         }
     }
     if let Some(folder) = &args.dump {
-        let stages = paper::stages(&captures, &context.progress).map_err(|e| failed(e, paths))?;
+        // What is left out was noted above.
+        let kept = calibration::usable(&captures, &options, &Silent).map_err(|e| failed(e, &paths))?;
+        let kept: Vec<&Capture> = kept.into_iter().map(|k| k.1).collect();
+        let stages = paper::stages(&kept, &context.progress).map_err(|e| failed(e, &paths))?;
         let pending = output::Pending::directory(folder, args.force)?;
-        for (name, picture) in figures::steps(&stages, captures[0].cfa) {
+        for (name, picture) in figures::steps(&stages, kept[0].cfa) {
             write_picture(&pending.path().join(name), false, picture)?;
         }
         pending.commit()?;
@@ -129,16 +144,32 @@ fn bundle(args: &Args, place: &Path, context: &Context) -> anyhow::Result<Outcom
         );
     }
     let pending = output::Pending::directory(&args.out, args.force)?;
-    let options = Options { variant: args.variant, ..Options::default() };
+    let mut hot: BTreeMap<&Option<String>, Vec<u32>> = BTreeMap::new();
     let (mut list, mut text) = (Vec::new(), String::new());
     for (number, ((serial, zoom, focus), candidates)) in groups.iter().enumerate() {
         let name = file_name(serial.as_deref(), *zoom, *focus, number);
-        let mut captures = Vec::new();
+        let (mut captures, mut labels) = (Vec::new(), Vec::new());
         for candidate in candidates {
-            captures.push(candidate.load()?);
+            match candidate.load() {
+                Ok(capture) => {
+                    captures.push(capture);
+                    labels.push(PathBuf::from(candidate.member.label()));
+                }
+                Err(e) => context.progress.note(&format!("{e}: left out")),
+            }
             context.progress.check()?;
         }
-        let labels: Vec<PathBuf> = candidates.iter().map(|c| PathBuf::from(c.member.label())).collect();
+        let Some(white) = captures.first() else { continue };
+        let hot_pixels = match hot.get(serial) {
+            Some(known) => known.clone(),
+            None => {
+                let blacks = whites::blacks(&found, &white.camera);
+                let known = hot_pixels(&blacks, white, context)?;
+                hot.entry(serial).or_insert(known).clone()
+            }
+        };
+        let names = labels.iter().map(|l| l.display().to_string()).collect();
+        let options = Options { variant: args.variant, hot_pixels, names, ..Options::default() };
         match calibration::calibrate(&captures, &options, &context.progress) {
             Ok(calibration) => {
                 calibration::save(&pending.path().join(&name), &calibration, false)?;
@@ -183,17 +214,105 @@ fn refuse_existing(path: &Path, force: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn open(paths: &[PathBuf], profile: Option<&str>, context: &Context) -> anyhow::Result<Vec<Capture>> {
-    let mut captures = Vec::new();
+/// The captures that can be read, with their paths; of several, one that cannot be is left out with a note.
+fn open(paths: &[PathBuf], profile: Option<&str>, context: &Context) -> anyhow::Result<(Vec<PathBuf>, Vec<Capture>)> {
+    let (mut names, mut captures, mut first_error) = (Vec::new(), Vec::new(), None);
     for path in paths {
-        let capture = container::open(path, profile)?;
-        for warning in &capture.warnings {
-            context.progress.note(&format!("{}: {warning}", path.display()));
+        match open_one(path, profile) {
+            Ok(capture) => {
+                for warning in &capture.warnings {
+                    context.progress.note(&format!("{}: {warning}", path.display()));
+                }
+                names.push(path.clone());
+                captures.push(capture);
+            }
+            Err(e) => {
+                if paths.len() > 1 {
+                    context.progress.note(&format!("left out: {e:#}"));
+                }
+                first_error.get_or_insert(e);
+            }
         }
-        captures.push(capture);
         context.progress.check()?;
     }
-    Ok(captures)
+    match first_error {
+        Some(e) if captures.is_empty() => Err(e),
+        _ => Ok((names, captures)),
+    }
+}
+
+/// Opens a capture; one larger than the sensor of the camera it is said to be of is refused.
+fn open_one(path: &Path, profile: Option<&str>) -> anyhow::Result<Capture> {
+    let capture = container::open(path, profile)?;
+    if let Some(name) = profile {
+        let sensor = container::profile(name)?.sensor;
+        let (w, h) = (capture.mosaic.width, capture.mosaic.height);
+        anyhow::ensure!(
+            w <= sensor.width && h <= sensor.height,
+            "{}: {w}x{h} pixels do not fit the {}x{} sensor of a {name}; give the profile of its camera, or none",
+            path.display(),
+            sensor.width,
+            sensor.height
+        );
+    }
+    Ok(capture)
+}
+
+/// Hot pixels of the files given with --black, for the camera of `white`.
+fn hot_pixels_of_files(args: &Args, white: &Capture, context: &Context) -> anyhow::Result<Vec<u32>> {
+    let (paths, blacks) = match args.black.as_slice() {
+        [] => return Ok(Vec::new()),
+        some => open(some, args.profile.as_deref(), context)?,
+    };
+    for (path, black) in paths.iter().zip(&blacks) {
+        anyhow::ensure!(
+            same_sensor(black, white),
+            "{}: the black image is not of the camera of the others ({}x{}, serial {})",
+            path.display(),
+            white.mosaic.width,
+            white.mosaic.height,
+            white.camera.serial.as_deref().unwrap_or("unknown")
+        );
+    }
+    let hot = calibration::hot_pixels(&blacks).map_err(|e| failed(e, &paths))?;
+    context.progress.note(&format!("{} hot pixels in {} black images", hot.len(), blacks.len()));
+    Ok(hot)
+}
+
+/// Hot pixels of the black images of a calibration folder or bundle, for the camera of `white`; black images that cannot be used
+/// are passed over with a note.
+pub fn hot_pixels(candidates: &[&Candidate], white: &Capture, context: &Context) -> anyhow::Result<Vec<u32>> {
+    let (mut paths, mut blacks) = (Vec::new(), Vec::new());
+    for candidate in candidates.iter().take(MOST_BLACKS) {
+        match candidate.load() {
+            Ok(black) if same_sensor(&black, white) => {
+                paths.push(PathBuf::from(candidate.member.label()));
+                blacks.push(black);
+            }
+            Ok(_) => {}
+            Err(e) => context.progress.note(&format!("{e}: left out")),
+        }
+        context.progress.check()?;
+    }
+    match calibration::hot_pixels(&blacks) {
+        Ok(hot) => {
+            if !blacks.is_empty() {
+                context.progress.note(&format!("{} hot pixels in {} black images", hot.len(), blacks.len()));
+            }
+            Ok(hot)
+        }
+        Err(e) => {
+            context.progress.note(&format!("{:#}: hot pixels not known", failed(e, &paths)));
+            Ok(Vec::new())
+        }
+    }
+}
+
+/// Whether two captures can be of one sensor.
+fn same_sensor(a: &Capture, b: &Capture) -> bool {
+    let size = |c: &Capture| (c.mosaic.width, c.mosaic.height);
+    let serials = (&a.camera.serial, &b.camera.serial);
+    size(a) == size(b) && !matches!(serials, (Some(a), Some(b)) if a != b)
 }
 
 /// An error with the file it is about.
@@ -201,9 +320,10 @@ fn failed(error: calibration::Error, paths: &[PathBuf]) -> anyhow::Error {
     use calibration::Error as E;
     let about = match &error {
         E::Interrupted => return Interrupted.into(),
-        E::BadImage { index, .. } | E::SizesDiffer { index, .. } | E::CamerasDiffer { index, .. } => {
-            paths.get(index - 1)
-        }
+        E::BadImage { index, .. }
+        | E::SizesDiffer { index, .. }
+        | E::CamerasDiffer { index, .. }
+        | E::NotBlack { index } => paths.get(index.saturating_sub(1)),
         _ => paths.first(),
     };
     match about {
@@ -213,7 +333,7 @@ fn failed(error: calibration::Error, paths: &[PathBuf]) -> anyhow::Error {
 }
 
 /// What a calibration is, for machines; `info` prints the same words.
-fn summary(c: &Calibration) -> Value {
+pub fn summary(c: &Calibration) -> Value {
     json!({
         "pitch": c.lattice.pitch(),
         "rotation": c.lattice.rotation(),
@@ -227,6 +347,7 @@ fn summary(c: &Calibration) -> Value {
         "confidence": c.quality.confidence,
         "width": c.width,
         "height": c.height,
+        "hot_pixels": c.hot_pixels.len(),
         "origin": c.origin,
     })
 }

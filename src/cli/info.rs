@@ -212,21 +212,13 @@ fn mosaic(capture: &Capture) -> Value {
 
 fn calibration_facts(path: &Path) -> anyhow::Result<Value> {
     let c = calibration::load(path)?;
-    Ok(json!({
-        "kind": "calibration",
-        "pitch": c.lattice.pitch(),
-        "rotation": c.lattice.rotation(),
-        "row_stretch": c.lattice.row_stretch(),
-        "count": c.lenslets.len(),
-        "residual_rms": c.quality.residual_rms,
-        "rejected": c.quality.rejected,
-        "confidence": c.quality.confidence,
-        "width": c.width,
-        "height": c.height,
-        "lattice": c.lattice,
-        "vignetting": c.vignetting.is_some(),
-        "origin": c.origin,
-    }))
+    let mut json = json!({"kind": "calibration"});
+    if let (Value::Object(all), Some(json)) = (super::calibrate::summary(&c), json.as_object_mut()) {
+        json.extend(all);
+    }
+    json["lattice"] = json!(c.lattice);
+    json["vignetting"] = c.vignetting.is_some().into();
+    Ok(json)
 }
 
 fn light_field(path: &Path, args: &Args) -> anyhow::Result<Value> {

@@ -1,6 +1,8 @@
 //! Algorithm 1, "compute average white images": the mean of several captures beats down the sensor's noise.
 //! Values become light above the black level as a share of full scale.
 
+use std::borrow::Borrow;
+
 use rayon::prelude::*;
 
 use super::{Error, Plane};
@@ -19,15 +21,16 @@ const LEAST_LIGHT: f64 = 0.004;
 ///
 /// # Errors
 /// No captures, sizes or cameras that differ, images too small, black or saturated ones.
-pub fn average(captures: &[Capture], encode: impl Fn(f32) -> f32 + Sync) -> Result<Plane, Error> {
+pub fn average<C: Borrow<Capture>>(captures: &[C], encode: impl Fn(f32) -> f32 + Sync) -> Result<Plane, Error> {
     check(captures)?;
-    let first = &captures[0].mosaic;
+    let first = &captures[0].borrow().mosaic;
     let (width, height) = (first.width, first.height);
     let mut data = vec![0f32; width * height];
     let share = 1.0 / captures.len() as f32;
     let full = encode(1.0);
     let mut saturated = 0u64;
     for capture in captures {
+        let capture: &Capture = capture.borrow();
         let tables = tables(capture, &encode);
         let counts: Vec<u64> = data
             .par_chunks_mut(width)
@@ -96,38 +99,52 @@ fn tables(capture: &Capture, encode: &impl Fn(f32) -> f32) -> [Table; 4] {
 ///
 /// # Errors
 /// The first capture that cannot.
-pub fn check(captures: &[Capture]) -> Result<(), Error> {
-    let first = captures.first().ok_or(Error::NoImages)?;
-    let serial = &first.camera.serial;
+pub fn check<C: Borrow<Capture>>(captures: &[C]) -> Result<(), Error> {
+    let first = captures.first().ok_or(Error::NoImages)?.borrow();
     for (n, capture) in captures.iter().enumerate() {
-        let (width, height) = (capture.mosaic.width, capture.mosaic.height);
-        let bad = |reason| Error::BadImage { index: n + 1, width, height, reason };
-        if width < SMALLEST || height < SMALLEST {
-            return Err(bad("it is smaller than 64 pixels"));
-        }
-        if capture.mosaic.data.len() != width.saturating_mul(height) {
-            return Err(bad("its pixels do not fit its size"));
-        }
-        for p in 0..4 {
-            let (black, white) = (capture.levels.black[p], capture.levels.white[p]);
-            if !(black.is_finite() && white.is_finite() && white > black) {
-                return Err(bad("its white level is not above its black level"));
-            }
-        }
-        if (width, height) != (first.mosaic.width, first.mosaic.height) {
-            return Err(Error::SizesDiffer {
-                index: n + 1,
-                got_width: width,
-                got_height: height,
-                width: first.mosaic.width,
-                height: first.mosaic.height,
-            });
-        }
-        if let (Some(expected), Some(got)) = (serial, &capture.camera.serial)
-            && expected != got
-        {
-            return Err(Error::CamerasDiffer { index: n + 1, got: got.clone(), expected: expected.clone() });
+        let capture = capture.borrow();
+        sound(capture, n + 1)?;
+        together(first, capture, n + 1)?;
+    }
+    Ok(())
+}
+
+/// Refuses a capture too small, or whose numbers contradict each other; `index` counts from 1.
+///
+/// # Errors
+/// [`Error::BadImage`].
+pub fn sound(capture: &Capture, index: usize) -> Result<(), Error> {
+    let (width, height) = (capture.mosaic.width, capture.mosaic.height);
+    let bad = |reason| Error::BadImage { index, width, height, reason };
+    if width < SMALLEST || height < SMALLEST {
+        return Err(bad("it is smaller than 64 pixels"));
+    }
+    if capture.mosaic.data.len() != width.saturating_mul(height) || u32::try_from(capture.mosaic.data.len()).is_err() {
+        return Err(bad("its pixels do not fit its size"));
+    }
+    for p in 0..4 {
+        let (black, white) = (capture.levels.black[p], capture.levels.white[p]);
+        if !(black.is_finite() && white.is_finite() && white > black) {
+            return Err(bad("its white level is not above its black level"));
         }
     }
     Ok(())
+}
+
+/// Refuses a capture (`index`, from 1) of another size or body than `first`.
+///
+/// # Errors
+/// [`Error::SizesDiffer`], [`Error::CamerasDiffer`].
+pub fn together(first: &Capture, capture: &Capture, index: usize) -> Result<(), Error> {
+    let (width, height) = (first.mosaic.width, first.mosaic.height);
+    let (got_width, got_height) = (capture.mosaic.width, capture.mosaic.height);
+    if (got_width, got_height) != (width, height) {
+        return Err(Error::SizesDiffer { index, got_width, got_height, width, height });
+    }
+    match (&first.camera.serial, &capture.camera.serial) {
+        (Some(expected), Some(got)) if expected != got => {
+            Err(Error::CamerasDiffer { index, got: got.clone(), expected: expected.clone() })
+        }
+        _ => Ok(()),
+    }
 }

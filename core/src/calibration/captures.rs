@@ -5,7 +5,8 @@ use rayon::prelude::*;
 
 use super::measure::{Measured, Site, measure};
 use super::refine::{self, Refined};
-use super::{Error, Plane, average, lattice, shrink};
+use super::usable::Kept;
+use super::{Error, Options, Plane, average, guess, hot, lattice, phase, shrink, spectrum, usable};
 use crate::container::Capture;
 use crate::progress::Observer;
 
@@ -13,17 +14,79 @@ use crate::progress::Observer;
 const BOX: usize = 24;
 /// Local light (share of full scale) at which a capture's say is halved: dark places are noise.
 const DIM: f32 = 0.02;
+/// A capture whose pattern agrees less than this with that of all is of another camera, turned, or none.
+const STRANGE: f64 = 0.3;
 
-/// The pattern of all captures together: local mean 1, scene averaged away as far as there are captures.
+/// The pattern of the captures that show it, and what was found in it. Captures that do not show it are left out of `kept`, with
+/// a note.
 ///
 /// # Errors
-/// As [`super::calibrate`] for captures that do not belong together.
-pub fn pattern(captures: &[Capture], observer: &dyn Observer) -> Result<Plane, Error> {
+/// As [`super::from_captures`].
+pub fn found(kept: &mut Vec<Kept>, options: &Options, observer: &dyn Observer) -> Result<(Plane, Refined), Error> {
+    let strange = || Error::NoPattern { reason: "its pattern is not that of the others".into() };
+    loop {
+        observer.begin("pattern", kept.len() as u64);
+        let mut plane = pattern(kept, &options.hot_pixels, observer)?;
+        let hint = kept.iter().find_map(|(_, c)| c.mla.as_ref());
+        let refined = match refine::refine(&mut plane, hint, &options.hot_pixels, observer) {
+            Err(e @ Error::NoPattern { .. }) if kept.len() > 1 => {
+                let before = kept.len();
+                leave_out_unless(kept, &e, options, observer, |plane, capture| {
+                    guess::lock(plane, &spectrum::spectrum(plane), capture.mla.as_ref()).is_ok()
+                })?;
+                if kept.is_empty() || kept.len() == before {
+                    return Err(e);
+                }
+                continue;
+            }
+            other => other?,
+        };
+        if kept.len() > 1 {
+            let before = kept.len();
+            let lattice = refined.lattice;
+            leave_out_unless(kept, &strange(), options, observer, |plane, _| {
+                phase::agreement(plane, &lattice) >= STRANGE
+            })?;
+            if kept.is_empty() {
+                return Err(Error::NoPattern { reason: "the captures do not agree on one".into() });
+            }
+            if kept.len() < before {
+                continue;
+            }
+        }
+        return Ok((plane, refined));
+    }
+}
+
+/// Keeps the captures of which `shows` holds; `why` is noted of the others.
+fn leave_out_unless(
+    kept: &mut Vec<Kept>,
+    why: &Error,
+    options: &Options,
+    observer: &dyn Observer,
+    shows: impl Fn(&Plane, &Capture) -> bool,
+) -> Result<(), Error> {
+    let mut stay = Vec::with_capacity(kept.len());
+    for &(n, capture) in kept.iter() {
+        let (plane, _) = flattened(capture, &options.hot_pixels)?;
+        if shows(&plane, capture) {
+            stay.push((n, capture));
+        } else {
+            usable::leave_out(n, why, options, observer);
+        }
+        if observer.cancelled() {
+            return Err(Error::Interrupted);
+        }
+    }
+    *kept = stay;
+    Ok(())
+}
+
+/// The pattern of all captures together: local mean 1, scene averaged away as far as there are captures.
+fn pattern(captures: &[Kept], hot_pixels: &[u32], observer: &dyn Observer) -> Result<Plane, Error> {
     let mut sum: Option<(Plane, Vec<f32>)> = None;
-    // All at once for the checks that concern them together; averaging one alone is only a conversion.
-    average::check(captures)?;
-    for capture in captures {
-        let (plane, weight) = flattened(capture)?;
+    for (_, capture) in captures {
+        let (plane, weight) = flattened(capture, hot_pixels)?;
         let (total, weights) = sum.get_or_insert_with(|| {
             let zeros = vec![0f32; plane.data.len()];
             (Plane { data: zeros.clone(), ..plane.clone() }, zeros)
@@ -45,8 +108,9 @@ pub fn pattern(captures: &[Capture], observer: &dyn Observer) -> Result<Plane, E
 }
 
 /// One capture, each pixel over the mean of its like about it, and how much to trust each pixel.
-fn flattened(capture: &Capture) -> Result<(Plane, Vec<f32>), Error> {
+fn flattened(capture: &Capture, hot_pixels: &[u32]) -> Result<(Plane, Vec<f32>), Error> {
     let mut plane = average::average(std::slice::from_ref(capture), |v| v)?;
+    hot::fill(&mut plane, hot_pixels);
     let means = local_means(&plane, BOX);
     let mut weights = vec![0f32; plane.data.len()];
     plane.data.par_iter_mut().zip(weights.par_iter_mut()).zip(&means).for_each(|((v, w), &mean)| {
@@ -136,9 +200,14 @@ fn sliding(values: &[f32], reach: usize) -> Vec<f32> {
 ///
 /// # Errors
 /// [`Error::Interrupted`].
-pub fn agree(captures: &[Capture], found: &mut Refined, observer: &dyn Observer) -> Result<(), Error> {
-    let first = &captures[0].mosaic;
-    let (width, height) = (first.width, first.height);
+pub fn agree(
+    captures: &[Kept],
+    hot_pixels: &[u32],
+    size: (usize, usize),
+    found: &mut Refined,
+    observer: &dyn Observer,
+) -> Result<(), Error> {
+    let (width, height) = size;
     let grid = found.lattice;
     if captures.len() == 1 {
         for l in &mut found.lenslets {
@@ -157,8 +226,9 @@ pub fn agree(captures: &[Capture], found: &mut Refined, observer: &dyn Observer)
         })
         .collect();
     let mut sums = vec![[0f64; 5]; places.len()];
-    for capture in captures {
-        let (plane, _) = flattened(capture)?;
+    for (_, capture) in captures {
+        let (mut plane, _) = flattened(capture, hot_pixels)?;
+        hot::mask(&mut plane, hot_pixels);
         let measured = measure(&plane, &found.profile, &places, f64::INFINITY);
         let typical = shrink::typical_misfit(&measured).powi(2);
         for ((sum, m), site) in sums.iter_mut().zip(&measured).zip(&places) {

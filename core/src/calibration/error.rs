@@ -55,6 +55,12 @@ pub enum Error {
         /// Share of pixels at the white level, per cent.
         percent: f64,
     },
+    /// An image given as black that has light on it.
+    #[error("image {index} is not black: take it with the lens covered, or leave it out")]
+    NotBlack {
+        /// Which of the images, counted from 1.
+        index: usize,
+    },
     /// The image does not show a lenslet pattern.
     #[error(
         "no lenslet pattern found ({reason}); is this a white image of a lenslet camera, as it came from the sensor?"

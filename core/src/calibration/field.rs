@@ -133,7 +133,7 @@ fn powers([x, y]: [f64; 2]) -> [f64; TERMS] {
     [1.0, x, y, x2, x * y, y2, x2 * x, x2 * y, x * y2, y2 * y, x2 * x2, x2 * x * y, x2 * y2, x * y2 * y, y2 * y2]
 }
 
-/// Robust polynomial through the brightness, and the least it may be; a constant where there are too few lenslets for more.
+/// Robust polynomial through the brightness, and the least it may be; of a lower degree where there are too few lenslets for more.
 fn shape(lit: &[&Measured], middle: [f64; 2], half: f64) -> ([f64; TERMS], f64) {
     let mut gains: Vec<f64> = lit.iter().map(|m| m.gain).collect();
     gains.sort_by(f64::total_cmp);
@@ -141,9 +141,12 @@ fn shape(lit: &[&Measured], middle: [f64; 2], half: f64) -> ([f64; TERMS], f64) 
     let least = 0.02 * gains.get(gains.len() * 9 / 10).copied().unwrap_or(1.0);
     let mut terms = [0f64; TERMS];
     terms[0] = median;
-    if lit.len() < 20 * TERMS {
-        return (terms, least);
-    }
+    // Few lenslets bear a polynomial of degree 2, very few none.
+    let used = match lit.len() {
+        0..60 => return (terms, least),
+        60..300 => 6,
+        _ => TERMS,
+    };
     let step = (lit.len() / 20_000).max(1);
     let mut scale = median;
     for _ in 0..ROUNDS {
@@ -159,13 +162,14 @@ fn shape(lit: &[&Measured], middle: [f64; 2], half: f64) -> ([f64; TERMS], f64) 
             let off = m.gain - terms.iter().zip(p).map(|(c, p)| c * p).sum::<f64>();
             offs.push(off.abs());
             let w = 1.0 / (1.0 + (off / scale).powi(2)).powi(2);
-            for a in 0..TERMS {
-                for b in 0..TERMS {
+            for a in 0..used {
+                for b in 0..used {
                     normal[a][b] += w * p[a] * p[b];
                 }
                 right[a] += w * p[a] * m.gain;
             }
         }
+        (used..TERMS).for_each(|k| normal[k][k] = 1.0);
         let Some(fitted) = linear::solve(normal, right) else { return (terms, least) };
         terms = fitted;
         let middle = offs.len() / 2;

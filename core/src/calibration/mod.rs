@@ -5,7 +5,8 @@
 //! regular grid). `paper` runs them as the paper does. `refine`, the default, keeps the image as it is and goes from the
 //! spectrum to `phase` (the lattice over the whole sensor), `profile` and `measure` (sub-pixel centres with their variance),
 //! `field` (broad light) and `shrink` (each centre as far as the image is sure of it). `captures` does without white images,
-//! `vignetting` keeps the pattern, `file` the model on disk, `fits` tells whether a capture is this camera's.
+//! `vignetting` keeps the pattern, `file` the model on disk, `fits` tells whether a capture is this camera's. `usable` passes over bad
+//! images, `hot` finds hot pixels in black ones, `guess` begins from what metadata say of the lattice.
 
 mod average;
 mod captures;
@@ -17,6 +18,8 @@ pub mod figures;
 mod file;
 mod fits;
 mod gamma;
+mod guess;
+mod hot;
 mod lattice;
 mod linear;
 mod maxima;
@@ -30,6 +33,8 @@ mod plane;
 mod planted;
 mod profile;
 mod refine;
+#[cfg(test)]
+mod robust;
 mod rotation;
 mod shrink;
 pub mod spectrum;
@@ -38,14 +43,17 @@ mod stretch;
 mod tests;
 pub mod triangulation;
 mod turn;
+mod usable;
 mod variant;
 mod vignetting;
 
 pub use error::Error;
 pub use file::{load, save};
 pub use fits::{differences, fits};
+pub use hot::hot_pixels;
 pub use model::*;
 pub use plane::Plane;
+pub use usable::usable;
 pub use variant::Variant;
 
 use crate::container::Capture;
@@ -58,48 +66,67 @@ pub struct Options {
     pub variant: Variant,
     /// Leave out the vignetting pattern (centres only; quicker).
     pub without_vignetting: bool,
+    /// Pixels to leave out, as [`hot_pixels`] finds them in black images: `y·width + x`, ascending, at most one in a hundred.
+    pub hot_pixels: Vec<u32>,
+    /// What notes call the images, in their order; those without a name are called by their number.
+    pub names: Vec<String>,
 }
 
-/// Calibrates a camera from one or several white images (captures of an evenly lit white surface).
+/// Calibrates a camera from one or several white images (captures of an evenly lit white surface). Where there are several,
+/// those that are of no use (black, saturated, damaged, of another camera than most) are left out, with a note.
 ///
 /// # Errors
-/// Images that do not fit together, are black or saturated, or show no lenslet pattern; [`Error::Interrupted`].
+/// No usable image, images of two cameras and none of them with most, no lenslet pattern; [`Error::Interrupted`].
 pub fn calibrate(whites: &[Capture], options: &Options, observer: &dyn Observer) -> Result<Calibration, Error> {
     observer.begin("average", 0);
-    let mut plane = average::average(whites, |v| v)?;
+    let kept: Vec<&Capture> = usable::usable(whites, options, observer)?.into_iter().map(|k| k.1).collect();
+    let mut plane = average::average(&kept, |v| v)?;
+    hot::check(&options.hot_pixels, plane.data.len())?;
+    hot::fill(&mut plane, &options.hot_pixels);
     equalise::equalise(&mut plane);
-    let refined = refine::refine(&mut plane, observer)?;
+    let hint = kept.iter().find_map(|c| c.mla.as_ref());
+    let refined = refine::refine(&mut plane, hint, &options.hot_pixels, observer)?;
     observer.begin("vignetting", 0);
+    hot::fill(&mut plane, &options.hot_pixels);
     let pattern = (!options.without_vignetting)
         .then(|| vignetting::from_white(&plane, refined.field.full() * refined.profile.at(0.0)));
     drop(plane);
-    let mut found = assemble(refined, pattern, whites, "white");
-    vary(&mut found, whites, options.variant, observer)?;
+    let mut found = assemble(refined, pattern, &kept, "white", options);
+    vary(&mut found, &kept, options.variant, observer)?;
     Ok(found)
 }
 
 /// Calibrates a camera from ordinary captures: the scenes average away, the lenslets stay. Five captures are typical, one gives
 /// the lattice without any lenslet's own place. The vignetting pattern is the mean micro-image; the main lens' broad light
-/// cannot be told from the scenes' and is left out.
+/// cannot be told from the scenes' and is left out. Captures of no use are left out as by [`calibrate`], and so are those whose
+/// pattern is not where that of the others is.
 ///
 /// # Errors
 /// As [`calibrate`].
 pub fn from_captures(captures: &[Capture], options: &Options, observer: &dyn Observer) -> Result<Calibration, Error> {
-    observer.begin("pattern", captures.len() as u64);
-    let mut plane = captures::pattern(captures, observer)?;
-    let mut refined = refine::refine(&mut plane, observer)?;
-    observer.begin("agreement", captures.len() as u64);
-    captures::agree(captures, &mut refined, observer)?;
+    let mut kept = usable::usable(captures, options, observer)?;
+    let size = kept.first().map_or((0, 0), |(_, c)| (c.mosaic.width, c.mosaic.height));
+    hot::check(&options.hot_pixels, size.0 * size.1)?;
+    let (plane, mut refined) = captures::found(&mut kept, options, observer)?;
+    observer.begin("agreement", kept.len() as u64);
+    captures::agree(&kept, &options.hot_pixels, size, &mut refined, observer)?;
     observer.begin("vignetting", 0);
     let pattern = (!options.without_vignetting).then(|| vignetting::from_pattern(&plane, &refined.lattice));
     drop(plane);
-    let mut found = assemble(refined, pattern, captures, "captures");
-    vary(&mut found, captures, options.variant, observer)?;
+    let kept: Vec<&Capture> = kept.into_iter().map(|k| k.1).collect();
+    let mut found = assemble(refined, pattern, &kept, "captures", options);
+    vary(&mut found, &kept, options.variant, observer)?;
     Ok(found)
 }
 
-fn assemble(refined: refine::Refined, vignetting: Option<Vignetting>, from: &[Capture], method: &str) -> Calibration {
-    let first = &from[0];
+fn assemble(
+    refined: refine::Refined,
+    vignetting: Option<Vignetting>,
+    from: &[&Capture],
+    method: &str,
+    options: &Options,
+) -> Calibration {
+    let first = from[0];
     let accepted = 1.0 - refined.shrunk.rejected;
     Calibration {
         width: first.mosaic.width,
@@ -114,6 +141,7 @@ fn assemble(refined: refine::Refined, vignetting: Option<Vignetting>, from: &[Ca
             confidence: confidence(refined.coherence, refined.prominence, accepted),
         },
         vignetting,
+        hot_pixels: options.hot_pixels.clone(),
         origin: Origin {
             method: method.into(),
             model: first.camera.model.clone(),
@@ -132,7 +160,12 @@ fn confidence(coherence: f64, prominence: f64, accepted: f64) -> f64 {
 }
 
 /// Replaces the centres by those of a lesser variant.
-fn vary(found: &mut Calibration, captures: &[Capture], variant: Variant, observer: &dyn Observer) -> Result<(), Error> {
+fn vary(
+    found: &mut Calibration,
+    captures: &[&Capture],
+    variant: Variant,
+    observer: &dyn Observer,
+) -> Result<(), Error> {
     let (width, height) = (found.width, found.height);
     let on_grid = |grid: Lattice| -> Vec<Lenslet> {
         let place = |[i, j]: [i32; 2]| {

@@ -144,6 +144,8 @@ pub struct Calibration {
     pub quality: Quality,
     /// White image for vignetting, if known.
     pub vignetting: Option<Vignetting>,
+    /// Pixels that are bright without light, as black images showed them: `y·width + x`, ascending.
+    pub hot_pixels: Vec<u32>,
     /// Provenance.
     pub origin: Origin,
 }

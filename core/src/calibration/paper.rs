@@ -2,6 +2,8 @@
 //! channels, contrast stretch; rotation from the spectral peak nearest zero, the image rotated; erosion, local maxima,
 //! paraboloids; Delaunay triangulation and a regular triangle grid. Vignetting, noise and the second resampling pull its centres.
 
+use std::borrow::Borrow;
+
 use super::lattice as grid;
 use super::measure::Measured;
 use super::{
@@ -55,13 +57,13 @@ pub struct Stages {
 ///
 /// # Errors
 /// As [`super::calibrate`].
-pub fn stages(captures: &[Capture], observer: &dyn Observer) -> Result<Stages, Error> {
+pub fn stages<C: Borrow<Capture>>(captures: &[C], observer: &dyn Observer) -> Result<Stages, Error> {
     let step = |name: &str| {
         observer.begin(name, 0);
         if observer.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
     };
     step("average")?;
-    let exponent = captures.first().map_or(gamma::USUAL, gamma::exponent);
+    let exponent = captures.first().map_or(gamma::USUAL, |c| gamma::exponent(c.borrow()));
     let average = average::average(captures, |v| gamma::encode(v, exponent))?;
     let mut plane = average.clone();
     equalise::equalise(&mut plane);

@@ -31,28 +31,66 @@ struct Tile {
     z: [(f64, f64); 2],
 }
 
+/// How a plane is cut into tiles.
+struct Tiling {
+    side: usize,
+    nx: usize,
+    ny: usize,
+    middle: [f64; 2],
+}
+
+impl Tiling {
+    fn new(plane: &Plane, period: f64) -> Self {
+        let side = ((PERIODS * period) as usize).clamp(16, plane.width.min(plane.height));
+        let count = |length: usize| (length / side).clamp(1, TILES);
+        let middle = [(plane.width as f64 - 1.0) / 2.0, (plane.height as f64 - 1.0) / 2.0];
+        Tiling { side, nx: count(plane.width), ny: count(plane.height), middle }
+    }
+
+    /// Phases of every tile at both frequencies.
+    fn tiles(&self, plane: &Plane, f: &[[f64; 2]; 2]) -> Vec<Tile> {
+        let (side, nx, ny) = (self.side, self.nx, self.ny);
+        let corner = |k: usize, n: usize, length: usize| {
+            if n == 1 { (length - side) / 2 } else { k * (length - side) / (n - 1) }
+        };
+        (0..nx * ny)
+            .into_par_iter()
+            .map(|k| {
+                tile(plane, corner(k % nx, nx, plane.width), corner(k / nx, ny, plane.height), side, f, self.middle)
+            })
+            .collect()
+    }
+}
+
+/// How far the pattern of a plane is where a lattice says: 1 everywhere, 0 by chance, below 0 between its lenslets.
+pub fn agreement(plane: &Plane, lattice: &Lattice) -> f64 {
+    use std::f64::consts::PI;
+    let (a, b) = (lattice.a, lattice.b);
+    let det = a[0] * b[1] - a[1] * b[0];
+    let f = [[b[1] / det, -b[0] / det], [-a[1] / det, a[0] / det]];
+    let tiling = Tiling::new(plane, 1.0 / f[0][0].hypot(f[0][1]));
+    let tiles = tiling.tiles(plane, &f);
+    let off = [tiling.middle[0] - lattice.origin[0], tiling.middle[1] - lattice.origin[1]];
+    let along = |w: usize| {
+        let (s, c) = (2.0 * PI * (f[w][0] * off[0] + f[w][1] * off[1])).sin_cos();
+        tiles.iter().map(|t| t.z[w].0 * c + t.z[w].1 * s).sum::<f64>() / tiles.len() as f64
+    };
+    along(0).min(along(1))
+}
+
 /// Locks the lattice on the phases of its fundamentals.
 ///
 /// # Errors
 /// [`Error::NoPattern`] when the phases of the tiles do not agree on one lattice.
 pub fn lock(plane: &Plane, start: &Fundamentals) -> Result<Locked, Error> {
     let mut f = [start.f1, start.f2];
-    let period = 1.0 / f[0][0].hypot(f[0][1]);
-    let side = ((PERIODS * period) as usize).clamp(16, plane.width.min(plane.height));
-    let count = |length: usize| (length / side).clamp(1, TILES);
-    let (nx, ny) = (count(plane.width), count(plane.height));
-    let corner = |k: usize, n: usize, length: usize| {
-        if n == 1 { (length - side) / 2 } else { k * (length - side) / (n - 1) }
-    };
-    let middle = [(plane.width as f64 - 1.0) / 2.0, (plane.height as f64 - 1.0) / 2.0];
+    let tiling = Tiling::new(plane, 1.0 / f[0][0].hypot(f[0][1]));
+    let (nx, ny, middle) = (tiling.nx, tiling.ny, tiling.middle);
     let mut phase = [0f64; 2];
     let mut coherence = 0.0;
     // Round one is demodulated with the peaks of the spectrum, round two with the corrected frequencies.
     for _ in 0..2 {
-        let tiles: Vec<Tile> = (0..nx * ny)
-            .into_par_iter()
-            .map(|k| tile(plane, corner(k % nx, nx, plane.width), corner(k / nx, ny, plane.height), side, &f, middle))
-            .collect();
+        let tiles = tiling.tiles(plane, &f);
         coherence = 1.0;
         for w in 0..2 {
             let fit = fit_phase(&tiles, w, nx, ny);

@@ -4,7 +4,7 @@ use rand::{Rng, RngExt, SeedableRng, rngs::ChaCha8Rng};
 use rayon::prelude::*;
 
 use super::{Grid, Lattice};
-use crate::container::{CameraFacts, Capture, Cfa, ColourFacts, Levels, RawMosaic};
+use crate::container::{Capture, Cfa, Levels, RawMosaic};
 
 /// A true lenslet: lattice index and centre.
 pub type Planted = ([i32; 2], [f64; 2]);
@@ -138,21 +138,8 @@ impl Plant {
 
 /// A capture with an F01's levels.
 pub fn capture(width: usize, height: usize, data: Vec<u16>) -> Capture {
-    Capture {
-        mosaic: RawMosaic { width, height, data },
-        cfa: Cfa::Bggr,
-        levels: Levels { black: [BLACK as f32; 4], white: [WHITE as f32; 4] },
-        colour: ColourFacts {
-            white_balance: [1.0; 4],
-            ccm: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-            gamma: None,
-        },
-        camera: CameraFacts::default(),
-        mla: None,
-        source_sha256: "planted".into(),
-        white: None,
-        warnings: Vec::new(),
-    }
+    let levels = Levels { black: [BLACK as f32; 4], white: [WHITE as f32; 4] };
+    Capture { source_sha256: "planted".into(), ..Capture::bare(RawMosaic { width, height, data }, Cfa::Bggr, levels) }
 }
 
 /// A standard normal number.

@@ -5,7 +5,8 @@ use super::field::Field;
 use super::measure::{Measured, Site, measure};
 use super::profile::{self, Profile};
 use super::shrink::{self, Shrunk};
-use super::{Error, Grid, Lattice, Lenslet, Plane, lattice, phase, rotation, spectrum};
+use super::{Error, Grid, Lattice, Lenslet, Plane, guess, hot, lattice, spectrum};
+use crate::container::MlaHint;
 use crate::progress::Observer;
 
 /// Window radius in pitches: wide enough to use the light, clear of the neighbours' micro-images.
@@ -36,20 +37,27 @@ pub struct Refined {
     pub prominence: f64,
 }
 
-/// Finds the lattice and every lenslet of an equalised image, and evens out the colours' response once more against the fit.
+/// Finds the lattice and every lenslet of an equalised image. `hint` is a first guess of the lattice; the `hot_pixels` (ascending, on the
+/// plane) are not measured, and marked as saturated afterwards.
 ///
 /// # Errors
 /// [`Error::NoPattern`], and [`Error::Interrupted`] when the observer asks to stop.
-pub fn refine(plane: &mut Plane, observer: &dyn Observer) -> Result<Refined, Error> {
+pub fn refine(
+    plane: &mut Plane,
+    hint: Option<&MlaHint>,
+    hot_pixels: &[u32],
+    observer: &dyn Observer,
+) -> Result<Refined, Error> {
     let (width, height) = (plane.width, plane.height);
     let stage = |name: &str| {
         observer.begin(name, 0);
         if observer.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
     };
     stage("spectrum")?;
-    let start = rotation::fundamentals(&spectrum::spectrum(plane))?;
+    let spectrum = spectrum::spectrum(plane);
     stage("phases")?;
-    let locked = phase::lock(plane, &start)?;
+    let (start, locked) = guess::lock(plane, &spectrum, hint)?;
+    hot::mask(plane, hot_pixels);
     stage("centres, first")?;
     let mut grid = locked.lattice;
     let radius = REACH * spacing(&grid);

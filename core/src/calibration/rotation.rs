@@ -22,6 +22,22 @@ pub struct Fundamentals {
     pub f2: [f64; 2],
     /// Smallest prominence among the peaks used.
     pub prominence: f64,
+    /// Geometric mean of the peaks' power.
+    pub power: f64,
+}
+
+/// Lowest and highest frequency a lattice is looked for at, cycles a pixel.
+pub fn frequencies() -> (f64, f64) {
+    (1.0 / PERIODS[1], 1.0 / PERIODS[0])
+}
+
+fn slack(f: [f64; 2], side: usize) -> f64 {
+    (SLACK * f[0].hypot(f[1])).max(1.2 / side as f64)
+}
+
+/// The strongest peak beside a frequency, with its sign there, in a spectrum of `side` bins.
+pub fn beside(list: &[Peak], at: [f64; 2], side: usize) -> Option<(Peak, [f64; 2])> {
+    near(list, at, slack(at, side))
 }
 
 fn turn(f: [f64; 2], degrees: f64) -> [f64; 2] {
@@ -46,37 +62,35 @@ fn near(list: &[Peak], at: [f64; 2], slack: f64) -> Option<(Peak, [f64; 2])> {
 /// # Errors
 /// [`Error::NoPattern`] when no such set stands out.
 pub fn fundamentals(spectrum: &Spectrum) -> Result<Fundamentals, Error> {
-    let list: Vec<Peak> = peaks(spectrum, 1.0 / PERIODS[1], 1.0 / PERIODS[0], 400)
-        .into_iter()
-        .filter(|p| p.prominence >= LEAST_PROMINENCE)
-        .collect();
-    let bin = 1.0 / spectrum.side as f64;
-    let mut best: Option<(f64, f64, Fundamentals)> = None;
+    let (lowest, highest) = frequencies();
+    let list: Vec<Peak> =
+        peaks(spectrum, lowest, highest, 400).into_iter().filter(|p| p.prominence >= LEAST_PROMINENCE).collect();
+    let mut best: Option<(f64, Fundamentals)> = None;
     let mut sets = Vec::new();
     for p in list.iter().take(60) {
         let f1 = p.frequency;
         let length = f1[0].hypot(f1[1]);
-        let slack = (SLACK * length).max(1.2 * bin);
+        let slack = slack(f1, spectrum.side);
         let six = near(&list, turn(f1, 60.0), slack).zip(near(&list, turn(f1, -60.0), slack));
         if let Some(((b, f2), (c, _))) = six {
-            let strength = (p.power * b.power * c.power).cbrt();
+            let power = (p.power * b.power * c.power).cbrt();
             let prominence = p.prominence.min(b.prominence).min(c.prominence);
-            sets.push((strength, length, Fundamentals { square: false, f1, f2, prominence }));
+            sets.push((length, Fundamentals { square: false, f1, f2, prominence, power }));
         } else if let Some((b, f2)) = near(&list, turn(f1, 90.0), slack) {
             // A hexagonal lattice also has peaks at right angles, but of unequal lengths (1 : √3).
-            let strength = (p.power * b.power).sqrt();
+            let power = (p.power * b.power).sqrt();
             let prominence = p.prominence.min(b.prominence);
-            sets.push((strength, length, Fundamentals { square: true, f1, f2, prominence }));
+            sets.push((length, Fundamentals { square: true, f1, f2, prominence, power }));
         }
     }
-    let strongest = sets.iter().map(|s| s.0).fold(0.0, f64::max);
+    let strongest = sets.iter().map(|s| s.1.power).fold(0.0, f64::max);
     for set in sets {
         // Overtones are weaker than their fundamentals, and farther from zero.
-        if set.0 >= 0.2 * strongest && best.as_ref().is_none_or(|b| set.1 < b.1 * 0.97) {
+        if set.1.power >= 0.2 * strongest && best.as_ref().is_none_or(|b| set.0 < b.0 * 0.97) {
             best = Some(set);
         }
     }
-    best.map(|b| b.2).ok_or_else(|| Error::NoPattern {
+    best.map(|b| b.1).ok_or_else(|| Error::NoPattern {
         reason: "the spectrum has no set of peaks at equal distances and 60 or 90 degrees apart".into(),
     })
 }

@@ -4,7 +4,8 @@ use super::planted::{BLACK, Plant, WHITE, capture};
 use super::*;
 use crate::progress::Silent;
 
-const CENTRES: Options = Options { variant: Variant::Full, without_vignetting: true };
+pub(super) const CENTRES: Options =
+    Options { variant: Variant::Full, without_vignetting: true, hot_pixels: Vec::new(), names: Vec::new() };
 
 fn centres(plant: &Plant) -> (Calibration, Vec<[f64; 2]>) {
     let (white, truth) = plant.grow();
@@ -14,7 +15,7 @@ fn centres(plant: &Plant) -> (Calibration, Vec<[f64; 2]>) {
 
 /// RMS distance of the true centres `border` pixels inside to the nearest found; the worst; and how many have none within a
 /// pixel; found ones with no true one near count too.
-fn compare(found: &Calibration, truth: &[[f64; 2]], border: f64) -> (f64, f64, usize) {
+pub(super) fn compare(found: &Calibration, truth: &[[f64; 2]], border: f64) -> (f64, f64, usize) {
     let (w, h) = (found.width as f64 - 1.0, found.height as f64 - 1.0);
     let inside = |x: f64, y: f64| x > border && y > border && x < w - border && y < h - border;
     let cell = 4.0;
@@ -50,7 +51,7 @@ fn compare(found: &Calibration, truth: &[[f64; 2]], border: f64) -> (f64, f64, u
 }
 
 /// Largest distance between two lattices over the sensor's corners and middle, up to whole lenslets.
-fn lattice_distance(found: &Lattice, truth: &Lattice, w: usize, h: usize) -> f64 {
+pub(super) fn lattice_distance(found: &Lattice, truth: &Lattice, w: usize, h: usize) -> f64 {
     let (w, h) = (w as f64 - 1.0, h as f64 - 1.0);
     [[0.0, 0.0], [w, 0.0], [0.0, h], [w, h], [w / 2.0, h / 2.0]]
         .iter()
@@ -281,7 +282,7 @@ fn the_papers_own_way_works_and_is_worse() {
     let (white, truth) = plant.grow();
     let truth: Vec<[f64; 2]> = truth.into_iter().map(|t| t.1).collect();
     let run = |variant| {
-        let options = Options { variant, without_vignetting: true };
+        let options = Options { variant, without_vignetting: true, ..Options::default() };
         let found = calibrate(std::slice::from_ref(&white), &options, &Silent).unwrap();
         let rms = compare(&found, &truth, 20.0).0;
         (found, rms)
@@ -300,23 +301,28 @@ fn the_papers_own_way_works_and_is_worse() {
     assert!(none.origin.method.contains("none"));
 }
 
+/// Scenes: broad colour changes and edges, in light that falls on the same lenslets.
+pub(super) fn scenes(white: &Capture, count: u32) -> Vec<Capture> {
+    let width = white.mosaic.width;
+    let of = |n: u32| {
+        let n = f64::from(n);
+        let mut scene = white.clone();
+        for (k, v) in scene.mosaic.data.iter_mut().enumerate() {
+            let (x, y) = ((k % width) as f64, (k / width) as f64);
+            let broad = 0.45 + 0.3 * (x / 90.0 + n).sin() * (y / 70.0 - 2.0 * n).cos();
+            let bars = if ((x * (1.0 + 0.3 * n) + y) / 37.0).sin() > 0.3 { 0.55 } else { 1.0 };
+            *v = (BLACK + (f64::from(*v) - BLACK) * broad * bars).clamp(0.0, WHITE) as u16;
+        }
+        scene
+    };
+    (0..count).map(of).collect()
+}
+
 #[test]
 fn captures_without_whites_give_the_lattice() {
     let plant = Plant { jitter: 0.1, width: 700, height: 600, ..Plant::default() };
     let (white, truth) = plant.grow();
-    // Scenes: broad colour changes and edges, in light that falls on the same lenslets.
-    let scenes: Vec<Capture> = (0..4)
-        .map(|n| {
-            let mut scene = white.clone();
-            for (k, v) in scene.mosaic.data.iter_mut().enumerate() {
-                let (x, y) = ((k % 700) as f64, (k / 700) as f64);
-                let broad = 0.45 + 0.3 * (x / 90.0 + f64::from(n)).sin() * (y / 70.0 - 2.0 * f64::from(n)).cos();
-                let bars = if ((x * (1.0 + 0.3 * f64::from(n)) + y) / 37.0).sin() > 0.3 { 0.55 } else { 1.0 };
-                *v = (BLACK + (f64::from(*v) - BLACK) * broad * bars).clamp(0.0, WHITE) as u16;
-            }
-            scene
-        })
-        .collect();
+    let scenes = scenes(&white, 4);
     let found = from_captures(&scenes, &Options::default(), &Silent).unwrap();
     assert!(lattice_distance(&found.lattice, &plant.lattice(), 700, 600) < 0.1);
     let truth: Vec<[f64; 2]> = truth.into_iter().map(|t| t.1).collect();

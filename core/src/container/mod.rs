@@ -156,3 +156,20 @@ pub struct Capture {
     /// Things that were odd but survivable (a sha1 that does not match, missing metadata …), one line each.
     pub warnings: Vec<String>,
 }
+
+impl Capture {
+    /// A capture of which nothing is known but its pixels, filter array and levels: neutral colours, no camera, no lenslets.
+    pub fn bare(mosaic: RawMosaic, cfa: Cfa, levels: Levels) -> Self {
+        Capture {
+            mosaic,
+            cfa,
+            levels,
+            colour: profile::neutral(),
+            camera: CameraFacts::default(),
+            mla: None,
+            source_sha256: String::new(),
+            white: None,
+            warnings: Vec::new(),
+        }
+    }
+}

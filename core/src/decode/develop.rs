@@ -59,7 +59,10 @@ pub fn mosaic(
                 }),
                 None => observer.note("the calibration has no white image: vignetting stays"),
             },
-            Step::HotPixels => hot_pixels(&mut out),
+            Step::HotPixels => {
+                known_hot(&mut out, &calibration.hot_pixels);
+                hot_pixels(&mut out);
+            }
             Step::WhiteBalance if cfa != Cfa::Mono => {
                 gains = match options.white_balance {
                     WhiteBalance::Camera => capture.colour.white_balance,
@@ -94,6 +97,30 @@ pub fn mosaic(
 fn rows(mosaic: &mut Mosaic, change: impl Fn(usize, &mut [f32]) + Sync) {
     let width = mosaic.width;
     mosaic.data.par_chunks_mut(width).enumerate().for_each(|(y, row)| change(y, row));
+}
+
+/// Pixels the calibration knows to be hot become the median of the nearest of their colour that it does not.
+fn known_hot(mosaic: &mut Mosaic, hot: &[u32]) {
+    let (width, height) = (mosaic.width, mosaic.height);
+    let found: Vec<f32> = hot
+        .iter()
+        .map(|&k| {
+            let (x, y) = (k as usize % width, k as usize / width);
+            let around = |v: usize| [v.wrapping_sub(2), v, v + 2];
+            let inside = around(y).into_iter().flat_map(|y| around(x).map(|x| (x, y)));
+            let mut others: Vec<f32> = inside
+                .filter(|&(x, y)| x < width && y < height && hot.binary_search(&((y * width + x) as u32)).is_err())
+                .map(|(x, y)| mosaic.data[y * width + x])
+                .collect();
+            others.sort_unstable_by(f32::total_cmp);
+            let n = others.len();
+            // Without any, what the pixel says is all there is.
+            if n == 0 { mosaic.data[k as usize] } else { (others[(n - 1) / 2] + others[n / 2]) / 2.0 }
+        })
+        .collect();
+    for (&k, value) in hot.iter().zip(found) {
+        mosaic.data[k as usize] = value;
+    }
 }
 
 /// A pixel more than twice as bright as all eight nearest of its colour (and clearly so) becomes their median. Light of

@@ -51,7 +51,7 @@ pub enum Demosaic {
 pub enum Step {
     /// Subtract the black level of each colour. Without it black counts as light.
     BlackLevel,
-    /// Replace single pixels far above all their neighbours of the same colour.
+    /// Replace the pixels the calibration knows to be hot, and single ones far above all their neighbours of the same colour.
     HotPixels,
     /// Divide by the white image, where the calibration has one.
     Vignetting,
@@ -231,6 +231,10 @@ fn check(capture: &Capture, calibration: &Calibration, options: &Options) -> Res
             "its white image is {}x{}, its sensor {width}x{height}",
             v.width, v.height
         )));
+    }
+    let hot = &calibration.hot_pixels;
+    if !hot.windows(2).all(|w| w[0] < w[1]) || hot.last().is_some_and(|&k| Some(k as usize) >= pixels) {
+        return Err(Error::Calibration("its hot pixels are not on its sensor, or not in order".into()));
     }
     if calibration.lenslets.is_empty() || u32::try_from(calibration.lenslets.len()).is_err() {
         return Err(Error::Calibration(format!("it has {} lenslets", calibration.lenslets.len())));

@@ -105,23 +105,24 @@ impl Shelf {
         let only = self.candidates.len() == 1;
         let (path, reason) = match best {
             Some(c) => (c.path.clone(), reason(c, camera, only)),
-            // A single calibration was named on purpose: the size decides, the serial is only told.
-            None if only && !fitting.is_empty() => {
-                let c = fitting[0];
-                let (theirs, ours) =
-                    (c.origin.serial.as_deref().unwrap_or("?"), camera.serial.as_deref().unwrap_or("?"));
-                (
-                    c.path.clone(),
-                    format!("the one given, although made for camera {theirs} and the capture is from {ours}"),
-                )
-            }
+            // The only one there is does not fit: say why.
+            None if only => (self.candidates[0].path.clone(), String::new()),
             None => return Err(self.nothing(capture)),
         };
         if self.last.as_ref().is_none_or(|(p, _)| *p != path) {
             self.last = Some((path.clone(), calibration::load(&path)?));
         }
         match &self.last {
-            Some((_, found)) => Ok((found, format!("{} ({reason})", path.display()))),
+            Some((_, found)) => {
+                calibration::fits(found, capture)
+                    .map_err(|e| anyhow::Error::new(e).context(path.display().to_string()))?;
+                if only {
+                    for line in calibration::differences(found, capture) {
+                        context.progress.note(&format!("{}: {line}", path.display()));
+                    }
+                }
+                Ok((found, format!("{} ({reason})", path.display())))
+            }
             None => Err(self.nothing(capture)),
         }
     }
@@ -140,7 +141,11 @@ impl Shelf {
             for line in choice.lines() {
                 context.progress.note(&crate::cli::info::clean(&line));
             }
-            let made = calibration::calibrate(std::slice::from_ref(&white), &Options::default(), &context.progress)?;
+            let blacks: Vec<&whites::Candidate> =
+                choice.passed.iter().map(|(c, _)| c).filter(|c| c.state == whites::State::Black).collect();
+            let hot_pixels = crate::cli::calibrate::hot_pixels(&blacks, &white, context)?;
+            let options = Options { hot_pixels, names: vec![name.clone()], ..Options::default() };
+            let made = calibration::calibrate(std::slice::from_ref(&white), &options, &context.progress)?;
             self.last = Some((PathBuf::from(&name), made));
         }
         match &self.last {

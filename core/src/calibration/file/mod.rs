@@ -4,11 +4,15 @@
 //! 0   "LENSCAL\0"
 //! 8   format version, u32
 //! 12  header length H, u32
-//! 16  H bytes of JSON: everything of [`Calibration`] that is small, the payload's layout and sha256
-//! …   deflated payload: the lattice and quality figures as f64 (the header has them for the eye), lenslets (i i32, j i32, x f64, y f64, trust f32 each, one array after the other), then the white
-//!     image as u16, each row as differences two pixels apart (same colour)
+//! 16  H bytes of JSON: everything of [`Calibration`] that is small, the payload's size and sha256
+//! …   deflated payload: the lattice and quality figures as f64 (the header has them for the eye), then lenslets, hot pixels
+//!     and the white image as `second` lays them out; files of version 1 (`first`) are read too
 //! ```
 //! All numbers little-endian.
+
+mod first;
+mod second;
+mod white;
 
 use std::io::{Read, Write};
 use std::path::Path;
@@ -20,7 +24,7 @@ use super::{Calibration, Error, Lattice, Lenslet, Origin, Quality, Vignetting};
 
 const MAGIC: &[u8; 8] = b"LENSCAL\0";
 /// Newest format this program reads, and the one it writes.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// No header is longer than this.
 const LONGEST_HEADER: usize = 1 << 20;
 /// No sensor side is longer than this, pixels.
@@ -35,12 +39,17 @@ struct Header {
     height: usize,
     lattice: Lattice,
     lenslets: usize,
+    #[serde(default)]
+    hot_pixels: usize,
     vignetting: Option<[usize; 2]>,
     quality: Quality,
     origin: Origin,
     payload_bytes: usize,
     payload_sha256: String,
 }
+
+/// Deflate's effort: more takes seconds and saves next to nothing.
+const LEVEL: u32 = 3;
 
 /// Figures kept to the last bit: origin, a, b; the five of the quality.
 const FIGURES: usize = 11;
@@ -50,40 +59,36 @@ fn figures(lattice: &Lattice, quality: &Quality) -> [f64; FIGURES] {
     [o[0], o[1], a[0], a[1], b[0], b[1], q.residual_rms, q.scatter, q.noise, q.rejected, q.confidence]
 }
 
-/// Bytes a lenslet takes.
-const LENSLET: usize = 4 + 4 + 8 + 8 + 4;
+/// Most of a sensor's pixels that may be hot, one in this many.
+pub(super) const FEWEST_COLD: usize = 100;
 
-/// Writes a calibration; refuses an existing file without `force`.
+/// What a payload holds besides the figures.
+struct Payload {
+    lenslets: Vec<Lenslet>,
+    hot_pixels: Vec<u32>,
+    white: Vec<u16>,
+}
+
+/// Writes a calibration; refuses an existing file without `force`. Centres are kept to 1/32768 px, the white image to 1/1024
+/// of its square root (a twentieth of one white image's own noise), what else there is to the last bit.
 ///
 /// # Errors
-/// When the file exists or cannot be written.
+/// When the file exists or cannot be written, or the white image's pixels do not fit its size.
 pub fn save(path: &Path, calibration: &Calibration, force: bool) -> Result<(), Error> {
-    let mut payload = Vec::with_capacity(
-        8 * FIGURES
-            + calibration.lenslets.len() * LENSLET
-            + calibration.vignetting.as_ref().map_or(0, |v| 2 * v.white.len()),
-    );
-    let lenslets = &calibration.lenslets;
-    figures(&calibration.lattice, &calibration.quality).iter().for_each(|v| payload.extend(v.to_le_bytes()));
-    lenslets.iter().for_each(|l| payload.extend(l.i.to_le_bytes()));
-    lenslets.iter().for_each(|l| payload.extend(l.j.to_le_bytes()));
-    lenslets.iter().for_each(|l| payload.extend(l.x.to_le_bytes()));
-    lenslets.iter().for_each(|l| payload.extend(l.y.to_le_bytes()));
-    lenslets.iter().for_each(|l| payload.extend(l.trust.to_le_bytes()));
-    if let Some(v) = &calibration.vignetting {
-        for row in v.white.chunks(v.width.max(1)) {
-            for (x, &value) in row.iter().enumerate() {
-                let before = if x >= 2 { row[x - 2] } else { 0 };
-                payload.extend(value.wrapping_sub(before).to_le_bytes());
-            }
-        }
+    let whole = |v: &Vignetting| v.width > 0 && v.width.checked_mul(v.height) == Some(v.white.len());
+    if !calibration.vignetting.as_ref().is_none_or(whole) {
+        return Err(Error::Parameter("the calibration's white image has not the pixels its size asks for".into()));
     }
+    let mut payload = Vec::new();
+    figures(&calibration.lattice, &calibration.quality).iter().for_each(|v| payload.extend(v.to_le_bytes()));
+    second::write(calibration, &mut payload);
     let header = Header {
         program: concat!("lenslet ", env!("CARGO_PKG_VERSION")).into(),
         width: calibration.width,
         height: calibration.height,
         lattice: calibration.lattice,
-        lenslets: lenslets.len(),
+        lenslets: calibration.lenslets.len(),
+        hot_pixels: calibration.hot_pixels.len(),
         vignetting: calibration.vignetting.as_ref().map(|v| [v.width, v.height]),
         quality: calibration.quality.clone(),
         origin: calibration.origin.clone(),
@@ -98,7 +103,7 @@ pub fn save(path: &Path, calibration: &Calibration, force: bool) -> Result<(), E
     file.write_all(&VERSION.to_le_bytes()).map_err(io)?;
     file.write_all(&(json.len() as u32).to_le_bytes()).map_err(io)?;
     file.write_all(&json).map_err(io)?;
-    let mut deflate = flate2::write::DeflateEncoder::new(file, flate2::Compression::fast());
+    let mut deflate = flate2::write::DeflateEncoder::new(file, flate2::Compression::new(LEVEL));
     deflate.write_all(&payload).map_err(io)?;
     deflate.finish().map_err(io)?.flush().map_err(io)?;
     pending.commit()?;
@@ -140,7 +145,7 @@ fn parse(mut file: impl Read, path: &str) -> Result<Calibration, Error> {
         return Err(bad("it ends within its header"));
     }
     let header: Header = serde_json::from_slice(&json).map_err(|e| bad(&format!("its header is damaged ({e})")))?;
-    let pixels = check(&header).map_err(bad)?;
+    let pixels = check(&header, word(8)).map_err(bad)?;
     // Sizes agree with each other now, and a file that promises more than it holds ends early: reading stops at what was promised.
     let mut payload = Vec::new();
     flate2::read::DeflateDecoder::new(file)
@@ -159,47 +164,31 @@ fn parse(mut file: impl Read, path: &str) -> Result<Calibration, Error> {
     let lattice = Lattice { grid: header.lattice.grid, origin: [v[0], v[1]], a: [v[2], v[3]], b: [v[4], v[5]] };
     sound(&lattice).map_err(bad)?;
     let quality = Quality { residual_rms: v[6], scatter: v[7], noise: v[8], rejected: v[9], confidence: v[10] };
-    let (i, rest) = rest.split_at(4 * n);
-    let (j, rest) = rest.split_at(4 * n);
-    let (x, rest) = rest.split_at(8 * n);
-    let (y, rest) = rest.split_at(8 * n);
-    let (trust, white) = rest.split_at(4 * n);
-    let lenslets: Vec<Lenslet> = (0..n)
-        .map(|k| Lenslet {
-            i: i32::from_le_bytes(bytes(i, k)),
-            j: i32::from_le_bytes(bytes(j, k)),
-            x: f64::from_le_bytes(bytes(x, k)),
-            y: f64::from_le_bytes(bytes(y, k)),
-            trust: f32::from_le_bytes(bytes(trust, k)),
-        })
-        .collect();
+    let payload = match word(8) {
+        1 => first::read(rest, n, header.width, pixels),
+        _ => second::read(rest, &header, &lattice, pixels).map_err(bad)?,
+    };
     let (right, bottom) = (header.width as f64 - 1.0, header.height as f64 - 1.0);
     let inside =
         |l: &Lenslet| (0.0..=right).contains(&l.x) && (0.0..=bottom).contains(&l.y) && (0.0..=1.0).contains(&l.trust);
-    if !lenslets.iter().all(inside) {
+    if !payload.lenslets.iter().all(inside) {
         return Err(bad("it has lenslets that are not on its sensor"));
     }
-    let vignetting = header.vignetting.map(|[width, height]| {
-        let mut values = Vec::with_capacity(pixels);
-        for k in 0..pixels {
-            let before = if k % width >= 2 { values[k - 2] } else { 0u16 };
-            values.push(before.wrapping_add(u16::from_le_bytes(bytes(white, k))));
-        }
-        Vignetting { width, height, white: values }
-    });
+    let vignetting = header.vignetting.map(|[width, height]| Vignetting { width, height, white: payload.white });
     Ok(Calibration {
         width: header.width,
         height: header.height,
         lattice,
-        lenslets,
+        lenslets: payload.lenslets,
         quality,
         vignetting,
+        hot_pixels: payload.hot_pixels,
         origin: header.origin,
     })
 }
 
 /// Pixels of the white image, once the header's numbers are seen to be possible.
-fn check(header: &Header) -> Result<usize, &'static str> {
+fn check(header: &Header, version: u32) -> Result<usize, &'static str> {
     let size = |w: usize, h: usize| {
         ((1..=LARGEST_SIDE).contains(&w) && (1..=LARGEST_SIDE).contains(&h) && w * h <= MOST_PIXELS).then_some(w * h)
     };
@@ -212,7 +201,14 @@ fn check(header: &Header) -> Result<usize, &'static str> {
         Some(_) => return Err("its white image is not of its sensor's size"),
         None => 0,
     };
-    if header.payload_bytes != 8 * FIGURES + header.lenslets * LENSLET + 2 * pixels {
+    if header.hot_pixels > sensor / FEWEST_COLD {
+        return Err("it has more hot pixels than a sensor may have");
+    }
+    let rest = match version {
+        1 => first::bytes_of(header.lenslets, pixels),
+        _ => second::bytes_of(header.lenslets, header.hot_pixels, pixels),
+    };
+    if header.payload_bytes != 8 * FIGURES + rest {
         return Err("its payload has not the size its header asks for");
     }
     Ok(pixels)
@@ -259,19 +255,48 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("x.calib");
         let mut calibration = small();
+        calibration.hot_pixels = vec![0, 7, 128 * 96 - 1];
         save(&path, &calibration, false).unwrap();
-        assert_eq!(load(&path).unwrap(), calibration);
+        let read = load(&path).unwrap();
+        // What is rounded is rounded a little, and only once.
+        for (a, b) in read.lenslets.iter().zip(&calibration.lenslets) {
+            assert!((a.i, a.j) == (b.i, b.j) && (a.trust - b.trust).abs() <= 0.5 / 255.0 + 1e-6);
+            assert!((a.x - b.x).abs() <= 1.0 / 32767.0 && (a.y - b.y).abs() <= 1.0 / 32767.0);
+        }
+        let roots = |c: &Calibration| -> Vec<f64> {
+            c.vignetting.as_ref().unwrap().white.iter().map(|&w| (f64::from(w) / 32768.0).sqrt()).collect()
+        };
+        for (a, b) in roots(&read).iter().zip(roots(&calibration)) {
+            assert!((a - b).abs() <= 0.52 / 1024.0 + if b < 0.05 { 6e-3 } else { 0.0 }, "{a} {b}");
+        }
+        let small = |c: &Calibration| Calibration { lenslets: Vec::new(), vignetting: None, ..c.clone() };
+        assert_eq!(small(&read), small(&calibration));
         assert!(matches!(save(&path, &calibration, false), Err(Error::Output(crate::output::Error::Exists(_)))));
-        calibration.vignetting = None;
+        save(&path, &read, true).unwrap();
+        assert_eq!(load(&path).unwrap(), read);
+        calibration = Calibration { vignetting: None, hot_pixels: Vec::new(), ..read };
         save(&path, &calibration, true).unwrap();
         assert_eq!(load(&path).unwrap(), calibration);
         assert!(matches!(load(&dir.path().join("none")), Err(Error::Read { .. })));
+        calibration.vignetting = Some(Vignetting { width: 5, height: 4, white: vec![0; 19] });
+        assert!(matches!(save(&path, &calibration, true), Err(Error::Parameter(_))));
+    }
+
+    #[test]
+    fn hot_pixels_off_the_sensor_are_refused() {
+        let mut calibration = Calibration { vignetting: None, ..small() };
+        for wrong in [vec![128 * 96], vec![5, 5], vec![9, 3]] {
+            calibration.hot_pixels = wrong;
+            assert!(matches!(parse(&bytes_of(&calibration)[..], "x"), Err(Error::Malformed { .. })));
+        }
+        calibration.hot_pixels = (0..128 * 96).collect();
+        assert!(matches!(parse(&bytes_of(&calibration)[..], "x"), Err(Error::Malformed { .. })));
     }
 
     #[test]
     fn every_truncation_and_every_flipped_byte_is_refused_or_harmless() {
-        let calibration = small();
-        let bytes = bytes_of(&calibration);
+        let bytes = bytes_of(&small());
+        let calibration = parse(&bytes[..], "x").unwrap();
         for length in (0..bytes.len()).step_by(61).chain(0..40) {
             assert!(matches!(parse(&bytes[..length], "x"), Err(Error::Malformed { .. })), "{length}");
         }
@@ -288,9 +313,9 @@ mod tests {
     #[test]
     fn a_newer_file_says_what_to_do() {
         let mut bytes = bytes_of(&small());
-        bytes[8] = 2;
+        bytes[8] = 3;
         let message = parse(&bytes[..], "cam.calib").unwrap_err().to_string();
-        assert!(message.contains("format 2") && message.contains("update"), "{message}");
+        assert!(message.contains("format 3") && message.contains("update"), "{message}");
     }
 
     #[test]
@@ -301,16 +326,19 @@ mod tests {
             height: 100,
             lattice: Lattice { grid: Grid::Square, origin: [0.0; 2], a: [10.0, 0.0], b: [0.0, 10.0] },
             lenslets,
+            hot_pixels: 0,
             vignetting: None,
             quality: Quality::default(),
             origin: Origin::default(),
             payload_bytes: payload,
             payload_sha256: String::new(),
         };
-        assert!(check(&header(100, 10, 368)).is_ok());
-        assert!(check(&header(100, 10, 369)).is_err());
-        assert!(check(&header(100, usize::MAX / 8, 368)).is_err());
-        assert!(check(&header(usize::MAX, 10, 368)).is_err());
+        for (version, bytes) in [(1, 368), (2, 266)] {
+            assert!(check(&header(100, 10, bytes), version).is_ok());
+            assert!(check(&header(100, 10, bytes + 1), version).is_err());
+            assert!(check(&header(100, usize::MAX / 8, bytes), version).is_err());
+            assert!(check(&header(usize::MAX, 10, bytes), version).is_err());
+        }
         let mut lattice = header(100, 10, 368).lattice;
         assert!(sound(&lattice).is_ok());
         lattice.a = [0.0; 2];
