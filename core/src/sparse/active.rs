@@ -32,12 +32,15 @@ pub(super) struct State<const C: usize> {
     /// Bit i says whether place i has a member.
     used: u128,
     pub rounds: u32,
-    support: [[u32; 16]; C],
+    /// Atoms, in places beyond the support any of the dictionary.
+    pub support: [[u32; 16]; C],
     /// Correlations D y of the members.
     held: [[f32; 16]; C],
     /// What follows is zero beyond the support, except for `near_rows`.
     pub phi: [Chunk; C],
-    signs: [Chunk; C],
+    pub signs: [Chunk; C],
+    /// Errors of the members' conditions, as the last certificate found them.
+    pub error: [[f32; 16]; C],
     inverse: [[[Chunk; C]; 16]; C],
     /// The chunks of atoms that rounds look at.
     pub near: [u32; NEAR],
@@ -57,6 +60,7 @@ impl<const C: usize> State<C> {
             held: [[0.0; 16]; C],
             phi: [Chunk::ZERO; C],
             signs: [Chunk::ZERO; C],
+            error: [[0.0; 16]; C],
             inverse: [[[Chunk::ZERO; C]; 16]; C],
             near: [0; NEAR],
             near_rows: [[[Chunk::ZERO; NEAR]; 16]; C],
@@ -81,19 +85,14 @@ impl<const C: usize> State<C> {
         &flat(&self.phi)[..self.n]
     }
 
-    #[inline(always)]
-    pub fn signs(&self) -> &[f32] {
-        &flat(&self.signs)[..self.n]
-    }
-
-    /// φ_S += G_SS⁻¹ ρ: one step of refinement for an error ρ of the members' conditions. False when a sign changes.
-    pub fn refine(&mut self, error: &[f32]) -> bool {
-        for (row, &e) in self.inverse.as_flattened().iter().zip(error) {
+    /// φ_S += G_SS⁻¹ ρ: one step of refinement for the errors ρ of the members' conditions. False when a sign changes.
+    pub fn refine(&mut self) -> bool {
+        for (row, &e) in self.inverse.as_flattened().iter().zip(self.error.as_flattened()).take(self.n) {
             for (p, &v) in flat_mut(&mut self.phi).iter_mut().zip(flat(row)) {
                 *p += e * v;
             }
         }
-        self.values().iter().zip(self.signs()).all(|(&v, &s)| v * s >= 0.0)
+        self.values().iter().zip(flat(&self.signs)).all(|(&v, &s)| v * s >= 0.0)
     }
 
     /// Ready for another signal.

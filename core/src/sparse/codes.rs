@@ -26,6 +26,22 @@ pub struct Codes {
 }
 
 impl Codes {
+    /// None yet, with room for so many signals with so many entries together.
+    pub(super) fn with_room(signals: usize, entries: usize) -> Codes {
+        let mut indptr = Vec::with_capacity(signals + 1);
+        indptr.push(0);
+        Codes {
+            indptr,
+            atoms: Vec::with_capacity(entries),
+            values: Vec::with_capacity(entries),
+            gaps: Vec::with_capacity(signals),
+            lambdas: Vec::with_capacity(signals),
+            iterations: Vec::with_capacity(signals),
+            ended: Vec::with_capacity(signals),
+            redone_in_f64: 0,
+        }
+    }
+
     /// Number of signals.
     pub fn len(&self) -> usize {
         self.indptr.len().saturating_sub(1)

@@ -8,7 +8,7 @@ use super::exact::{self, Seen};
 use super::near::{self, End, Newcomer, Next};
 use super::prepared::Prepared;
 use super::product::{self, GROUP};
-use super::simd::{Chunk, Kernel, Lanes, flat_mut};
+use super::simd::{Chunk, Kernel, Lanes, flat, flat_mut};
 use super::solve::{Finished, push_sorted};
 use super::{Codes, Ended, Options, Penalty, gap, omp};
 
@@ -19,13 +19,12 @@ const LARGE: usize = 8;
 
 /// Scratch of one thread.
 pub(super) struct Scratch {
-    pub interleaved: Vec<[f32; GROUP]>,
     pub correlations: Vec<Chunk>,
     slots: Vec<Slot>,
     peaks: Vec<Chunk>,
-    signal: Vec<Chunk>,
+    /// Signals, each padded with zeros to whole chunks.
+    padded: Vec<Chunk>,
     residual: Vec<[f64; 16]>,
-    error: Vec<f32>,
     solved: Vec<Solved>,
 }
 
@@ -67,13 +66,11 @@ impl Scratch {
         };
         let finished = || Finished { gap: 0.0, iterations: 0, ended: Ended::Stalled };
         Scratch {
-            interleaved: Vec::new(),
             correlations: vec![Chunk::ZERO; block.next_multiple_of(GROUP) * dictionary.width()],
             slots: (0..SLOTS).map(|_| slot()).collect(),
             peaks: vec![Chunk::ZERO; dictionary.width().div_ceil(16)],
-            signal: vec![Chunk::ZERO; chunks],
+            padded: vec![Chunk::ZERO; block * chunks],
             residual: vec![[0.0; 16]; chunks],
-            error: Vec::new(),
             solved: (0..block)
                 .map(|_| Solved { entries: Vec::with_capacity(64), lambda: 0.0, finished: finished() })
                 .collect(),
@@ -108,9 +105,13 @@ impl Fast<'_> {
         let Fast { dictionary, signals, options, scratch, codes } = self;
         let (m, width) = (dictionary.signal_len(), dictionary.width());
         let count = signals.len() / m;
-        product::interleave(signals.chunks_exact(m), m, &mut scratch.interleaved);
-        product::correlate(lanes, dictionary, &scratch.interleaved, &mut scratch.correlations);
-        let Scratch { correlations, slots, peaks, signal: padded, residual, error, solved, .. } = scratch;
+        let Scratch { correlations, slots, peaks, padded, residual, solved } = scratch;
+        let chunks = m.div_ceil(16);
+        for (padded, signal) in padded.chunks_exact_mut(chunks).zip(signals.chunks_exact(m)) {
+            flat_mut(padded)[..m].copy_from_slice(signal);
+        }
+        let padded = &padded[..count * chunks];
+        product::correlate(lanes, dictionary, flat(padded), 16 * chunks, correlations);
         let mut next = 0;
         let mut task = active::Task {
             dictionary,
@@ -130,7 +131,7 @@ impl Fast<'_> {
                         let n = next;
                         next += 1;
                         let row = &correlations[n * width..(n + 1) * width];
-                        begin(lanes, &task, slot, &signals[n * m..(n + 1) * m], row, peaks, options);
+                        begin(lanes, &task, slot, &padded[n * chunks..(n + 1) * chunks], row, peaks, options);
                         slot.signal = Some(n);
                         n
                     }
@@ -139,7 +140,7 @@ impl Fast<'_> {
                 busy = true;
                 (task.lambda, task.threshold) = (slot.lambda, slot.threshold);
                 let row = &correlations[n * width..(n + 1) * width];
-                let signal = &signals[n * m..(n + 1) * m];
+                let signal = &padded[n * chunks..(n + 1) * chunks];
                 let next = if slot.grown {
                     near::look::<S, LARGE, NEAR_ROWS>(lanes, &task, row, &mut slot.large, peaks)
                 } else {
@@ -158,16 +159,15 @@ impl Fast<'_> {
                     Next::Over(End::Settled { outside }) => outside,
                     Next::Over(_) => f32::INFINITY,
                 };
-                flat_mut(padded)[..m].copy_from_slice(signal);
-                let candidate = Candidate { outside, norm: slot.norm, goal: slot.goal, signal: padded };
+                let candidate = Candidate { outside, norm: slot.norm, goal: slot.goal, signal };
                 let taken = if slot.grown {
-                    settle(lanes, &task, candidate, &mut slot.large, residual, error, &mut solved[n])
+                    settle(lanes, &task, candidate, &mut slot.large, residual, &mut solved[n])
                 } else {
-                    settle(lanes, &task, candidate, &mut slot.small, residual, error, &mut solved[n])
+                    settle(lanes, &task, candidate, &mut slot.small, residual, &mut solved[n])
                 };
                 if !taken {
                     codes.redone_in_f64 += 1;
-                    redo(&task, signal, slot.goal, &mut solved[n]);
+                    redo(&task, &flat(signal)[..m], slot.goal, &mut solved[n]);
                 }
                 slot.signal = None;
             }
@@ -216,9 +216,8 @@ impl Kernel for Greedy<'_> {
     fn run<S: Lanes>(self, lanes: S) {
         let Greedy { dictionary, signals, most, scratch, otherwise, codes } = self;
         let (m, width) = (dictionary.signal_len(), dictionary.width());
-        product::interleave(signals.chunks_exact(m), m, &mut scratch.interleaved);
-        product::correlate(lanes, dictionary, &scratch.interleaved, &mut scratch.correlations);
         let Scratch { correlations, slots, peaks, .. } = scratch;
+        product::correlate(lanes, dictionary, signals, m, correlations);
         let Some(slot) = slots.first_mut() else { return };
         let most = most.min(m).min(dictionary.atom_count()).min(MOST_GREEDY);
         let task = active::Task {
@@ -249,7 +248,7 @@ fn begin<S: Lanes>(
     lanes: S,
     task: &active::Task<'_>,
     slot: &mut Slot,
-    signal: &[f32],
+    signal: &[Chunk],
     correlations: &[Chunk],
     peaks: &mut [Chunk],
     options: &Options,
@@ -257,15 +256,11 @@ fn begin<S: Lanes>(
     slot.small.clear();
     slot.grown = false;
     let mut energy = lanes.wide_splat(0.0);
-    let (whole, rest) = signal.as_chunks::<16>();
-    for part in whole {
-        let v = lanes.wide(&Chunk(*part));
+    for part in signal {
+        let v = lanes.wide(part);
         energy = lanes.wide_fma(v, v, energy);
     }
-    let mut last = Chunk::ZERO;
-    last.0[..rest.len()].copy_from_slice(rest);
-    let v = lanes.wide(&last);
-    let energy = lanes.wide_sum(lanes.wide_fma(v, v, energy));
+    let energy = lanes.wide_sum(energy);
     slot.norm = energy.sqrt();
     slot.lambda = match options.penalty {
         Penalty::Lambda(lambda) => lambda,
@@ -301,21 +296,20 @@ fn settle<S: Lanes, const C: usize>(
     candidate: Candidate<'_>,
     state: &mut State<C>,
     residual: &mut [[f64; 16]],
-    error: &mut Vec<f32>,
     solved: &mut Solved,
 ) -> bool {
     if candidate.norm == f64::INFINITY || candidate.outside == f32::INFINITY {
         return false;
     }
     for _ in 0..2 {
-        let found = certify(lanes, task, &candidate, state, residual, error);
+        let found = certify(lanes, task, &candidate, state, residual);
         if found <= candidate.goal {
             take(task.dictionary, state, &mut solved.entries);
             solved.lambda = task.lambda;
             solved.finished = Finished { gap: found, iterations: state.rounds, ended: Ended::Converged };
             return true;
         }
-        if !state.refine(error) {
+        if !state.refine() {
             return false;
         }
     }
@@ -357,31 +351,37 @@ fn certify<S: Lanes, const C: usize>(
     lanes: S,
     task: &active::Task<'_>,
     candidate: &Candidate<'_>,
-    state: &State<C>,
+    state: &mut State<C>,
     residual: &mut [[f64; 16]],
-    error: &mut Vec<f32>,
 ) -> f64 {
     let dictionary = task.dictionary;
-    let norm1: f64 = state.values().iter().map(|v| f64::from(v.abs())).sum();
-    let (mut yr, mut rr) = (lanes.wide_splat(0.0), lanes.wide_splat(0.0));
-    for (at, (y, out)) in candidate.signal.iter().zip(residual.iter_mut()).enumerate() {
-        let y = lanes.wide(y);
-        let mut r = y;
-        for (&k, &v) in state.support().iter().zip(state.values()) {
-            let atom = lanes.wide(&dictionary.padded_atom(k as usize)[at]);
-            r = lanes.wide_fma(lanes.wide_splat(-f64::from(v)), atom, r);
-        }
-        yr = lanes.wide_fma(y, r, yr);
-        rr = lanes.wide_fma(r, r, rr);
-        lanes.wide_store(out, r);
+    // |φ| = φ times its sign.
+    let mut norm1 = lanes.wide_splat(0.0);
+    for v in 0..C {
+        norm1 = lanes.wide_fma(lanes.wide(&state.phi[v]), lanes.wide(&state.signs[v]), norm1);
     }
+    let norm1 = lanes.wide_sum(norm1);
+    let mut sums = (lanes.wide_splat(0.0), lanes.wide_splat(0.0));
+    let (mut from, chunks) = (0, candidate.signal.len());
+    while from + 4 <= chunks && S::WIDE {
+        residual_part::<S, C, 4>(lanes, dictionary, candidate.signal, from, state, residual, &mut sums);
+        from += 4;
+    }
+    while from + 2 <= chunks {
+        residual_part::<S, C, 2>(lanes, dictionary, candidate.signal, from, state, residual, &mut sums);
+        from += 2;
+    }
+    if from < chunks {
+        residual_part::<S, C, 1>(lanes, dictionary, candidate.signal, from, state, residual, &mut sums);
+    }
+    let (yr, rr) = (lanes.wide_sum(sums.0), lanes.wide_sum(sums.1));
     let lambda = f64::from(task.lambda);
     let mut largest = 0.0f64;
-    error.clear();
-    for (&k, &sign) in state.support().iter().zip(state.signs()) {
-        let c = gap::dot(lanes, dictionary.padded_atom(k as usize), residual);
+    for member in 0..state.n {
+        let (block, place) = ((member / 16) & (C - 1), member & 15);
+        let c = gap::dot(lanes, dictionary.padded_atom(state.support()[member] as usize), residual);
         largest = largest.max(if task.nonnegative { c } else { c.abs() });
-        error.push((c - lambda * f64::from(sign)) as f32);
+        state.error[block][place] = (c - lambda * f64::from(state.signs[block].0[place])) as f32;
     }
     // Rounding of the f32 correlations outside the support; where it could matter they are computed anew.
     let m = dictionary.signal_len() as f64;
@@ -393,7 +393,38 @@ fn certify<S: Lanes, const C: usize>(
             largest = largest.max(if task.nonnegative { c } else { c.abs() });
         }
     }
-    gap::certify(lanes.wide_sum(yr), lanes.wide_sum(rr), norm1, lambda, largest)
+    gap::certify(yr, rr, norm1, lambda, largest)
+}
+
+/// Puts y − Dᵀφ of `B` chunks into `residual`; adds to the sums of y·r and r·r.
+#[inline(always)]
+fn residual_part<S: Lanes, const C: usize, const B: usize>(
+    lanes: S,
+    dictionary: &Prepared,
+    signal: &[Chunk],
+    from: usize,
+    state: &State<C>,
+    residual: &mut [[f64; 16]],
+    sums: &mut (S::D, S::D),
+) {
+    let signal = &signal[from..][..B];
+    let mut r = [lanes.wide_splat(0.0); B];
+    for i in 0..B {
+        r[i] = lanes.wide(&signal[i]);
+    }
+    for (&k, &v) in state.support().iter().zip(state.values()) {
+        let atom = &dictionary.padded_atom(k as usize)[from..][..B];
+        let v = lanes.wide_splat(-f64::from(v));
+        for i in 0..B {
+            r[i] = lanes.wide_fma(v, lanes.wide(&atom[i]), r[i]);
+        }
+    }
+    let residual = &mut residual[from..][..B];
+    for i in 0..B {
+        sums.0 = lanes.wide_fma(lanes.wide(&signal[i]), r[i], sums.0);
+        sums.1 = lanes.wide_fma(r[i], r[i], sums.1);
+        lanes.wide_store(&mut residual[i], r[i]);
+    }
 }
 
 /// In f64 from scratch.

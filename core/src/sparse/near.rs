@@ -192,11 +192,14 @@ fn look_at_some<S: Lanes, const C: usize, const B: usize>(
     for i in 0..B {
         c[i] = lanes.load(&own[i]);
     }
-    for (&k, &value) in state.support().iter().zip(state.values()) {
-        let row = &gram[k as usize * width + from..][..B];
-        let value = lanes.splat(value);
-        for i in 0..B {
-            c[i] = lanes.fnma(value, lanes.load(&row[i]), c[i]);
+    for first in (0..state.n).step_by(2) {
+        for member in [first, first + 1] {
+            let (block, place) = ((member / 16) & (C - 1), member & 15);
+            let row = &gram[state.support[block][place] as usize * width + from..][..B];
+            let value = lanes.splat(state.phi[block].0[place]);
+            for i in 0..B {
+                c[i] = lanes.fnma(value, lanes.load(&row[i]), c[i]);
+            }
         }
     }
     let keep = kept(lanes, task);

@@ -152,11 +152,10 @@ fn arrange(atoms: Array2<f32>, order: Vec<u32>) -> Prepared {
 fn gram(prepared: &Prepared) -> Vec<Chunk> {
     let (k, m, width) = (prepared.atom_count(), prepared.signal_len(), prepared.width);
     let mut gram = vec![Chunk::ZERO; k * width];
-    let mut group = Vec::new();
-    for (from, rows) in gram.chunks_mut(GROUP * width).enumerate() {
-        let atoms = (from * GROUP..k.min((from + 1) * GROUP)).map(|row| prepared.atom(row));
-        product::interleave(atoms, m, &mut group);
-        dispatch(prepared.simd, Correlate { dictionary: prepared, signals: &group, out: rows });
+    // The rows of the atoms end in zeros: their stride is a whole number of chunks.
+    let stride = 16 * m.div_ceil(16);
+    for (rows, atoms) in gram.chunks_mut(GROUP * width).zip(flat(&prepared.rows).chunks(GROUP * stride)) {
+        dispatch(prepared.simd, Correlate { dictionary: prepared, signals: atoms, stride, out: rows });
     }
     gram
 }
@@ -194,7 +193,9 @@ fn resembling(gram: &[Chunk], k: usize, width: usize) -> Vec<u32> {
 /// The product of a block of signals with all atoms.
 pub(super) struct Correlate<'a> {
     pub dictionary: &'a Prepared,
-    pub signals: &'a [[f32; GROUP]],
+    pub signals: &'a [f32],
+    /// Values from one signal to the next.
+    pub stride: usize,
     pub out: &'a mut [Chunk],
 }
 
@@ -202,6 +203,6 @@ impl Kernel for Correlate<'_> {
     type Out = ();
     #[inline(always)]
     fn run<S: Lanes>(self, lanes: S) {
-        product::correlate(lanes, self.dictionary, self.signals, self.out);
+        product::correlate(lanes, self.dictionary, self.signals, self.stride, self.out);
     }
 }

@@ -7,27 +7,14 @@ use super::simd::{Chunk, Lanes};
 /// Signals in registers together.
 pub(super) const GROUP: usize = 6;
 
-/// Signals interleaved by six: value k of signals 6g..6g+6 at `[g·m + k]`; missing signals are zero.
-pub(super) fn interleave<'a>(signals: impl Iterator<Item = &'a [f32]>, m: usize, out: &mut Vec<[f32; GROUP]>) {
-    out.clear();
-    for (n, signal) in signals.enumerate() {
-        let (group, lane) = (n / GROUP, n % GROUP);
-        if lane == 0 {
-            out.resize((group + 1) * m, [0.0; GROUP]);
-        }
-        for (slot, &v) in out[group * m..].iter_mut().zip(signal) {
-            slot[lane] = v;
-        }
-    }
-}
-
-/// Correlations of all interleaved signals, a row of `dictionary.width()` chunks each, into `out`.
+/// Correlations of all signals (rows of `stride` values, of which the first m count), a row of `dictionary.width()` chunks
+/// each, into `out`.
 #[inline(always)]
-pub(super) fn correlate<S: Lanes>(lanes: S, dictionary: &Prepared, signals: &[[f32; GROUP]], out: &mut [Chunk]) {
+pub(super) fn correlate<S: Lanes>(lanes: S, dictionary: &Prepared, signals: &[f32], stride: usize, out: &mut [Chunk]) {
     if S::WIDE {
-        correlate_panels::<S, 4>(lanes, dictionary, signals, out);
+        correlate_panels::<S, 4>(lanes, dictionary, signals, stride, out);
     } else {
-        correlate_panels::<S, 1>(lanes, dictionary, signals, out);
+        correlate_panels::<S, 1>(lanes, dictionary, signals, stride, out);
     }
 }
 
@@ -35,15 +22,20 @@ pub(super) fn correlate<S: Lanes>(lanes: S, dictionary: &Prepared, signals: &[[f
 fn correlate_panels<S: Lanes, const P: usize>(
     lanes: S,
     dictionary: &Prepared,
-    signals: &[[f32; GROUP]],
+    signals: &[f32],
+    stride: usize,
     out: &mut [Chunk],
 ) {
     let (m, width) = (dictionary.signal_len(), dictionary.width());
     for (p, panel) in dictionary.panels().enumerate() {
-        for (signals, rows) in signals.chunks_exact(m).zip(out.chunks_mut(GROUP * width)) {
+        for (signals, rows) in signals.chunks(GROUP * stride).zip(out.chunks_mut(GROUP * width)) {
+            // Where the last group lacks signals, its first stands in; there is no row for it.
+            let row = |n: usize| if n * stride + m <= signals.len() { &signals[n * stride..][..m] } else { &signals[..m] };
+            let [a, b, c, d, e, f] = [row(0), row(1), row(2), row(3), row(4), row(5)];
             for part in 0..PANEL / P {
                 let mut sums = [[lanes.splat(0.0); P]; GROUP];
-                for (values, atoms) in signals.iter().zip(panel) {
+                for ((((((atoms, a), b), c), d), e), f) in panel.iter().zip(a).zip(b).zip(c).zip(d).zip(e).zip(f) {
+                    let values = [*a, *b, *c, *d, *e, *f];
                     let mut loaded = [lanes.splat(0.0); P];
                     for i in 0..P {
                         loaded[i] = lanes.load(&atoms[part * P + i]);

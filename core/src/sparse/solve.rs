@@ -3,9 +3,9 @@
 use super::fast::{Fast, Greedy, MOST_GREEDY, Scratch};
 use super::simd::{Chunk, dispatch, flat};
 use super::{
-    Codes, Ended, Error, Options, Penalty, Prepared, Solver, descent, gap, homotopy, omp, prepared, product, proximal,
+    Codes, Ended, Error, Options, Penalty, Prepared, Solver, descent, gap, homotopy, omp, prepared, proximal,
 };
-use ndarray::{ArrayView2, Axis};
+use ndarray::ArrayView2;
 use rayon::prelude::*;
 
 /// Signals a thread takes at a time; fixed, so that nothing depends on threads.
@@ -111,6 +111,9 @@ pub fn solve(dictionary: &Prepared, signals: ArrayView2<'_, f32>, options: &Opti
     check(dictionary, &signals, options)?;
     let signals = signals.as_standard_layout();
     let Some(flat) = signals.as_slice() else { return Err(Error::Shape("signals without a layout".into())) };
+    if let Some(row) = first_not_finite(flat, dictionary.signal_len()) {
+        return Err(Error::NotFinite { what: "the signals", row });
+    }
     let proximal = matches!(options.solver, Solver::Ista | Solver::Fista);
     let eigenvalue = if proximal { proximal::largest_eigenvalue(dictionary) } else { 0.0 };
     let blocks: Vec<Codes> = flat
@@ -140,11 +143,15 @@ fn check(dictionary: &Prepared, signals: &ArrayView2<'_, f32>, options: &Options
             "a number of non-zeros is for OMP and homotopy, and OMP takes nothing else".into(),
         ));
     }
-    let bad = signals.axis_iter(Axis(0)).into_par_iter().position_first(|row| row.iter().any(|v| !v.is_finite()));
-    match bad {
-        Some(row) => Err(Error::NotFinite { what: "the signals", row }),
-        None => Ok(()),
-    }
+    Ok(())
+}
+
+/// The first row of `m` values with one that is not finite.
+fn first_not_finite(signals: &[f32], m: usize) -> Option<usize> {
+    // Without looking for where, several values a time.
+    let bad = |values: &[f32]| values.iter().fold(false, |bad, v| bad | !v.is_finite());
+    let block = signals.par_chunks(4096 * m).position_first(bad)? * 4096;
+    signals[block * m..].chunks(m).position(bad).map(|row| block + row)
 }
 
 /// Refuses parameters out of range.
@@ -172,7 +179,7 @@ fn solve_block(
     work: &mut Work,
 ) -> Codes {
     let m = dictionary.signal_len();
-    let mut codes = Codes { indptr: vec![0], ..Codes::default() };
+    let mut codes = Codes::with_room(signals.len() / m, signals.len() / m * 16);
     let counted = matches!(options.penalty, Penalty::NonZeros(_));
     for part in signals.chunks(PART * m) {
         if matches!(options.solver, Solver::Auto | Solver::ActiveSet) && !counted {
@@ -194,9 +201,8 @@ fn solve_block(
             dispatch(dictionary.simd(), greedy);
             continue;
         }
-        product::interleave(part.chunks_exact(m), m, &mut scratch.interleaved);
-        let signals = &scratch.interleaved;
-        dispatch(dictionary.simd(), prepared::Correlate { dictionary, signals, out: &mut scratch.correlations });
+        let out = &mut scratch.correlations;
+        dispatch(dictionary.simd(), prepared::Correlate { dictionary, signals: part, stride: m, out });
         for (signal, correlations) in part.chunks_exact(m).zip(scratch.correlations.chunks_exact(dictionary.width())) {
             let correlations = &flat(correlations)[..dictionary.atom_count()];
             solve_plainly(dictionary, signal, correlations, options, work, &mut codes);
@@ -264,9 +270,12 @@ pub(super) fn push(
 
 /// Appends one signal's code, atoms as known outside and ascending; zeros are left out.
 pub(super) fn push_sorted(codes: &mut Codes, entries: &[(u32, f32)], lambda: f32, finished: &Finished) {
-    for &(atom, value) in entries.iter().filter(|e| e.1 != 0.0) {
-        codes.atoms.push(atom);
-        codes.values.push(value);
+    if entries.iter().all(|e| e.1 != 0.0) {
+        codes.atoms.extend(entries.iter().map(|e| e.0));
+        codes.values.extend(entries.iter().map(|e| e.1));
+    } else {
+        codes.atoms.extend(entries.iter().filter(|e| e.1 != 0.0).map(|e| e.0));
+        codes.values.extend(entries.iter().filter(|e| e.1 != 0.0).map(|e| e.1));
     }
     codes.indptr.push(codes.atoms.len());
     codes.gaps.push(finished.gap);
@@ -277,7 +286,9 @@ pub(super) fn push_sorted(codes: &mut Codes, entries: &[(u32, f32)], lambda: f32
 
 /// Blocks one after the other.
 pub(super) fn join(blocks: &[Codes]) -> Codes {
-    let mut all = Codes { indptr: vec![0], ..Codes::default() };
+    let signals = blocks.iter().map(Codes::len).sum();
+    let entries = blocks.iter().map(Codes::nonzeros).sum();
+    let mut all = Codes::with_room(signals, entries);
     for block in blocks {
         let base = all.atoms.len();
         all.indptr.extend(block.indptr.iter().skip(1).map(|&p| p + base));
