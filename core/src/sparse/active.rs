@@ -29,11 +29,13 @@ pub(super) struct State<const C: usize> {
     /// Places in use: all members of the support are before this one. A place whose member left keeps its atom, with a
     /// value of zero.
     pub n: usize,
-    /// Bit i says whether place i has a member.
-    used: u128,
+    /// Bit i of number b says whether place 16·b + i has a member.
+    used: [u16; C],
     pub rounds: u32,
     /// Atoms, in places beyond the support any of the dictionary.
     pub support: [[u32; 16]; C],
+    /// Where their Gram rows begin.
+    pub rows: [[u32; 16]; C],
     /// Correlations D y of the members.
     held: [[f32; 16]; C],
     /// What follows is zero beyond the support, except for `near_rows`.
@@ -54,9 +56,10 @@ impl<const C: usize> State<C> {
     pub fn new() -> State<C> {
         State {
             n: 0,
-            used: 0,
+            used: [0; C],
             rounds: 0,
             support: [[0; 16]; C],
+            rows: [[0; 16]; C],
             held: [[0.0; 16]; C],
             phi: [Chunk::ZERO; C],
             signs: [Chunk::ZERO; C],
@@ -68,10 +71,12 @@ impl<const C: usize> State<C> {
         }
     }
 
-    /// Whether no place is left.
+    /// The first place without a member.
     #[inline(always)]
-    pub fn is_full(&self) -> bool {
-        self.used.trailing_ones() as usize >= 16 * C
+    pub fn free(&self) -> Option<usize> {
+        let block = if C == 1 { 0 } else { self.used.iter().position(|&used| used != u16::MAX)? };
+        let lane = self.used[block].trailing_ones() as usize;
+        (lane < 16).then_some(block * 16 + lane)
     }
 
     /// The support, in the order of its values.
@@ -83,6 +88,15 @@ impl<const C: usize> State<C> {
     #[inline(always)]
     pub fn values(&self) -> &[f32] {
         &flat(&self.phi)[..self.n]
+    }
+
+    /// Takes down the error of a member's condition, for its correlation `c` in f64; the larger of `largest` and |c| (or c).
+    #[inline(always)]
+    pub fn judge(&mut self, task: &Task<'_>, member: usize, c: f64, largest: f64) -> f64 {
+        let (block, place) = ((member / 16) & (C - 1), member & 15);
+        self.error[block][place] = (c - f64::from(task.lambda) * f64::from(self.signs[block].0[place])) as f32;
+        let size = if task.nonnegative { c } else { c.abs() };
+        if size > largest { size } else { largest }
     }
 
     /// φ_S += G_SS⁻¹ ρ: one step of refinement for the errors ρ of the members' conditions. False when a sign changes.
@@ -105,7 +119,7 @@ impl<const C: usize> State<C> {
         self.phi[..chunks].fill(Chunk::ZERO);
         self.signs[..chunks].fill(Chunk::ZERO);
         self.n = 0;
-        self.used = 0;
+        self.used = [0; C];
         self.rounds = 0;
         self.chosen = false;
     }
@@ -114,9 +128,10 @@ impl<const C: usize> State<C> {
     pub fn grow_from(&mut self, small: &State<1>) {
         self.clear();
         self.n = small.n;
-        self.used = small.used;
+        self.used[0] = small.used[0];
         self.rounds = small.rounds;
         self.support[0] = small.support[0];
+        self.rows[0] = small.rows[0];
         self.held[0] = small.held[0];
         self.phi[0] = small.phi[0];
         self.signs[0] = small.signs[0];
@@ -149,11 +164,8 @@ pub(super) fn enter<S: Lanes, const C: usize, const NEAR_ROWS: bool>(
     let Newcomer { atom, at, lane } = newcomer;
     let (width, gram) = (task.dictionary.width(), task.dictionary.gram());
     state.rounds += 1;
-    if state.is_full() {
-        return false;
-    }
+    let Some(place) = state.free() else { return false };
     let n = state.n;
-    let place = state.used.trailing_ones() as usize & (16 * C - 1);
     let after = n.max(place + 1);
     let chunks = chunks_of::<C>(after);
     // g = G[j, S] and u = G_SS⁻¹ g. Fours of rows may reach past the support: there the inverse is zero.
@@ -168,7 +180,7 @@ pub(super) fn enter<S: Lanes, const C: usize, const NEAR_ROWS: bool>(
                 let near = if NEAR_ROWS {
                     &state.near_rows[block][row][at & 7]
                 } else {
-                    &gram[state.support[block][row] as usize * width + atom / 16]
+                    &gram[state.rows[block][row] as usize + atom / 16]
                 };
                 let gi = lanes.splat(near.0[lane & 15]);
                 sums[i] = lanes.fma(gi, lanes.load(&state.inverse[block][row][v]), sums[i]);
@@ -184,8 +196,9 @@ pub(super) fn enter<S: Lanes, const C: usize, const NEAR_ROWS: bool>(
     }
     let row = &gram[atom * width..][..width];
     let own = flat(correlations)[atom];
-    let pull = own - lanes.sum(fit);
-    let left = row[atom / 16].0[lane & 15] - lanes.sum(overlap);
+    let (fit, overlap) = if n == 0 { (0.0, 0.0) } else { lanes.sum_both(fit, overlap) };
+    let pull = own - fit;
+    let left = row[atom / 16].0[lane & 15] - overlap;
     let sign = 1.0f32.copysign(pull);
     let inverse_left = 1.0 / left;
     let alpha = (pull - task.lambda * sign) * inverse_left;
@@ -194,14 +207,15 @@ pub(super) fn enter<S: Lanes, const C: usize, const NEAR_ROWS: bool>(
         return false;
     }
     // With u extended by −1 for the newcomer, everything below is one rank-one formula.
-    let (chunk, lane_of_place) = (if C == 1 { 0 } else { place / 16 }, place & 15);
+    let (chunk, lane_of_place) = (if C == 1 { 0 } else { (place / 16) & (C - 1) }, place & 15);
     let unit = lanes.load(&UNITS[lane_of_place]);
     u[chunk] = lanes.fma(lanes.splat(-1.0), unit, u[chunk]);
     let signs = lanes.fma(lanes.splat(sign), unit, lanes.load(&state.signs[chunk]));
     lanes.store(&mut state.signs[chunk], signs);
     state.support[chunk][lane_of_place] = atom as u32;
+    state.rows[chunk][lane_of_place] = (atom * width) as u32;
     state.held[chunk][lane_of_place] = own;
-    state.used |= 1 << place;
+    state.used[chunk] |= 1 << lane_of_place;
     state.n = after;
     flat_mut(correlations)[atom] = own - task.lambda * sign;
     if NEAR_ROWS {
@@ -309,5 +323,5 @@ fn remove<S: Lanes, const C: usize>(
     }
     state.inverse[chunk][lane] = [Chunk::ZERO; C];
     flat_mut(correlations)[state.support[chunk][lane] as usize] = state.held[chunk][lane];
-    state.used &= !(1 << k);
+    state.used[chunk] &= !(1 << lane);
 }

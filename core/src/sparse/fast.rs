@@ -8,12 +8,15 @@ use super::exact::{self, Seen};
 use super::near::{self, End, Newcomer, Next};
 use super::prepared::Prepared;
 use super::product::{self, GROUP};
-use super::simd::{Chunk, Kernel, Lanes, flat, flat_mut};
+use super::simd::{Chunk, Kernel, Lanes, flat};
 use super::solve::{Finished, push_sorted};
 use super::{Codes, Ended, Options, Penalty, gap, omp};
 
-/// Signals in work at once.
-const SLOTS: usize = 2;
+/// Signals in work at once where all atoms are looked at. They start together and go through their rounds together, so
+/// that branches can be foreseen; the next begin when all are finished.
+const BATCH: usize = 3;
+/// The same where near chunks are looked at.
+const NEAR_BATCH: usize = 2;
 /// Chunks of the large state: supports up to 128; what needs more is for the f64 solver.
 const LARGE: usize = 8;
 
@@ -21,6 +24,8 @@ const LARGE: usize = 8;
 pub(super) struct Scratch {
     pub correlations: Vec<Chunk>,
     slots: Vec<Slot>,
+    /// For a support that outgrows that of its slot.
+    large: Box<State<LARGE>>,
     peaks: Vec<Chunk>,
     /// Signals, each padded with zeros to whole chunks.
     padded: Vec<Chunk>,
@@ -30,13 +35,10 @@ pub(super) struct Scratch {
 
 /// A signal in work.
 struct Slot {
-    small: Box<State<1>>,
-    large: Box<State<LARGE>>,
-    /// Whether the support outgrew `small`.
-    grown: bool,
-    /// Which signal of the block; none when there is no work left.
-    signal: Option<usize>,
-    entering: Option<Newcomer>,
+    state: Box<State<1>>,
+    /// Which signal of the block.
+    signal: usize,
+    entering: Newcomer,
     lambda: f32,
     threshold: f32,
     norm: f64,
@@ -54,11 +56,9 @@ impl Scratch {
     pub fn new(dictionary: &Prepared, block: usize) -> Scratch {
         let chunks = dictionary.signal_len().div_ceil(16);
         let slot = || Slot {
-            small: Box::new(State::new()),
-            large: Box::new(State::new()),
-            grown: false,
-            signal: None,
-            entering: None,
+            state: Box::new(State::new()),
+            signal: 0,
+            entering: Newcomer { atom: 0, at: 0, lane: 0 },
             lambda: 0.0,
             threshold: 0.0,
             norm: 0.0,
@@ -67,7 +67,8 @@ impl Scratch {
         let finished = || Finished { gap: 0.0, iterations: 0, ended: Ended::Stalled };
         Scratch {
             correlations: vec![Chunk::ZERO; block.next_multiple_of(GROUP) * dictionary.width()],
-            slots: (0..SLOTS).map(|_| slot()).collect(),
+            slots: (0..if dictionary.width() > near::FEW { NEAR_BATCH } else { BATCH }).map(|_| slot()).collect(),
+            large: Box::new(State::new()),
             peaks: vec![Chunk::ZERO; dictionary.width().div_ceil(16)],
             padded: vec![Chunk::ZERO; block * chunks],
             residual: vec![[0.0; 16]; chunks],
@@ -105,14 +106,21 @@ impl Fast<'_> {
         let Fast { dictionary, signals, options, scratch, codes } = self;
         let (m, width) = (dictionary.signal_len(), dictionary.width());
         let count = signals.len() / m;
-        let Scratch { correlations, slots, peaks, padded, residual, solved } = scratch;
+        let Scratch { correlations, slots, large, peaks, padded, residual, solved } = scratch;
         let chunks = m.div_ceil(16);
         for (padded, signal) in padded.chunks_exact_mut(chunks).zip(signals.chunks_exact(m)) {
-            flat_mut(padded)[..m].copy_from_slice(signal);
+            let (whole, rest) = signal.as_chunks::<16>();
+            for (to, from) in padded.iter_mut().zip(whole) {
+                to.0 = *from;
+            }
+            if let Some(last) = padded.last_mut() {
+                for (to, &from) in last.0.iter_mut().zip(rest) {
+                    *to = from;
+                }
+            }
         }
         let padded = &padded[..count * chunks];
         product::correlate(lanes, dictionary, flat(padded), 16 * chunks, correlations);
-        let mut next = 0;
         let mut task = active::Task {
             dictionary,
             lambda: 0.0,
@@ -121,77 +129,97 @@ impl Fast<'_> {
             keep_signs: true,
             max_rounds: u32::try_from(options.max_iterations).unwrap_or(u32::MAX),
         };
+        // The first `live` slots are in work.
+        let (mut live, mut next) = (0, 0);
         loop {
-            let mut busy = false;
-            for slot in slots.iter_mut() {
-                slot.entering = None;
-                let n = match slot.signal {
-                    Some(n) => n,
-                    None if next < count => {
-                        let n = next;
-                        next += 1;
-                        let row = &correlations[n * width..(n + 1) * width];
-                        begin(lanes, &task, slot, &padded[n * chunks..(n + 1) * chunks], row, peaks, options);
-                        slot.signal = Some(n);
-                        n
-                    }
-                    None => continue,
-                };
-                busy = true;
+            if live == 0 {
+                while live < slots.len() && next < count {
+                    let row = &correlations[next * width..(next + 1) * width];
+                    let signal = &padded[next * chunks..(next + 1) * chunks];
+                    begin(lanes, &task, &mut slots[live], signal, row, peaks, options);
+                    slots[live].signal = next;
+                    live += 1;
+                    next += 1;
+                }
+            }
+            if live == 0 {
+                break;
+            }
+            let mut at = 0;
+            while at < live {
+                let slot = &mut slots[at];
+                let n = slot.signal;
                 (task.lambda, task.threshold) = (slot.lambda, slot.threshold);
-                let row = &correlations[n * width..(n + 1) * width];
-                let signal = &padded[n * chunks..(n + 1) * chunks];
-                let next = if slot.grown {
-                    near::look::<S, LARGE, NEAR_ROWS>(lanes, &task, row, &mut slot.large, peaks)
-                } else {
-                    near::look::<S, 1, NEAR_ROWS>(lanes, &task, row, &mut slot.small, peaks)
-                };
-                let outside = match next {
+                let row = &mut correlations[n * width..(n + 1) * width];
+                let mut grown = false;
+                let outside = match near::look::<S, 1, NEAR_ROWS>(lanes, &task, row, &mut slot.state, peaks) {
                     Next::Enter(newcomer) => {
-                        slot.entering = Some(newcomer);
-                        continue;
-                    }
-                    Next::Over(End::Full) if !slot.grown => {
-                        slot.large.grow_from(&slot.small);
-                        slot.grown = true;
+                        slot.entering = newcomer;
+                        at += 1;
                         continue;
                     }
                     Next::Over(End::Settled { outside }) => outside,
+                    Next::Over(End::Full) => {
+                        grown = true;
+                        large.grow_from(&slot.state);
+                        finish_large::<S, NEAR_ROWS>(lanes, &task, row, large, peaks)
+                    }
                     Next::Over(_) => f32::INFINITY,
                 };
+                let signal = &padded[n * chunks..(n + 1) * chunks];
                 let candidate = Candidate { outside, norm: slot.norm, goal: slot.goal, signal };
-                let taken = if slot.grown {
-                    settle(lanes, &task, candidate, &mut slot.large, residual, &mut solved[n])
+                let taken = if grown {
+                    settle(lanes, &task, candidate, large, residual, &mut solved[n])
                 } else {
-                    settle(lanes, &task, candidate, &mut slot.small, residual, &mut solved[n])
+                    settle(lanes, &task, candidate, &mut slot.state, residual, &mut solved[n])
                 };
                 if !taken {
                     codes.redone_in_f64 += 1;
                     redo(&task, &flat(signal)[..m], slot.goal, &mut solved[n]);
                 }
-                slot.signal = None;
+                live -= 1;
+                slots.swap(at, live);
             }
-            if !busy {
-                break;
-            }
-            for slot in slots.iter_mut() {
-                let (Some(newcomer), Some(n)) = (slot.entering, slot.signal) else { continue };
+            at = 0;
+            while at < live {
+                let slot = &mut slots[at];
+                let n = slot.signal;
                 (task.lambda, task.threshold) = (slot.lambda, slot.threshold);
                 let row = &mut correlations[n * width..(n + 1) * width];
-                let entered = if slot.grown {
-                    active::enter::<S, LARGE, NEAR_ROWS>(lanes, &task, row, &mut slot.large, newcomer)
+                if active::enter::<S, 1, NEAR_ROWS>(lanes, &task, row, &mut slot.state, slot.entering) {
+                    at += 1;
                 } else {
-                    active::enter::<S, 1, NEAR_ROWS>(lanes, &task, row, &mut slot.small, newcomer)
-                };
-                if !entered {
                     codes.redone_in_f64 += 1;
                     redo(&task, &signals[n * m..(n + 1) * m], slot.goal, &mut solved[n]);
-                    slot.signal = None;
+                    live -= 1;
+                    slots.swap(at, live);
                 }
             }
         }
         for solved in &mut solved[..count] {
             push_sorted(codes, &solved.entries, solved.lambda, &solved.finished);
+        }
+    }
+}
+
+/// Goes on with a support that has outgrown its slot, to the end. The largest condition outside, or infinity.
+#[inline(always)]
+fn finish_large<S: Lanes, const NEAR_ROWS: bool>(
+    lanes: S,
+    task: &active::Task<'_>,
+    correlations: &mut [Chunk],
+    state: &mut State<LARGE>,
+    peaks: &mut [Chunk],
+) -> f32 {
+    loop {
+        match near::look::<S, LARGE, NEAR_ROWS>(lanes, task, correlations, state, peaks) {
+            Next::Enter(newcomer) => {
+                if !active::enter::<S, LARGE, NEAR_ROWS>(lanes, task, correlations, state, newcomer) {
+                    return f32::INFINITY;
+                }
+            }
+            Next::Over(End::Settled { outside }) => return outside,
+            Next::Over(_) => return f32::INFINITY,
         }
     }
 }
@@ -230,10 +258,10 @@ impl Kernel for Greedy<'_> {
         };
         for (n, (signal, row)) in signals.chunks_exact(m).zip(correlations.chunks_exact_mut(width)).enumerate() {
             let norm = signal.iter().map(|v| v * v).sum::<f32>().sqrt();
-            slot.small.clear();
+            slot.state.clear();
             let fits = norm == 0.0 || (1e-12..1e12).contains(&norm);
-            if fits && omp::pursue(lanes, &task, row, most, 1e-6 * norm, &mut slot.small, peaks) {
-                omp::take(dictionary, &slot.small, codes);
+            if fits && omp::pursue(lanes, &task, row, most, 1e-6 * norm, &mut slot.state, peaks) {
+                omp::take(dictionary, &slot.state, codes);
             } else {
                 codes.redone_in_f64 += 1;
                 otherwise(n, row, codes);
@@ -253,8 +281,7 @@ fn begin<S: Lanes>(
     peaks: &mut [Chunk],
     options: &Options,
 ) {
-    slot.small.clear();
-    slot.grown = false;
+    slot.state.clear();
     let mut energy = lanes.wide_splat(0.0);
     for part in signal {
         let v = lanes.wide(part);
@@ -361,28 +388,29 @@ fn certify<S: Lanes, const C: usize>(
         norm1 = lanes.wide_fma(lanes.wide(&state.phi[v]), lanes.wide(&state.signs[v]), norm1);
     }
     let norm1 = lanes.wide_sum(norm1);
-    let mut sums = (lanes.wide_splat(0.0), lanes.wide_splat(0.0));
-    let (mut from, chunks) = (0, candidate.signal.len());
-    while from + 4 <= chunks && S::WIDE {
-        residual_part::<S, C, 4>(lanes, dictionary, candidate.signal, from, state, residual, &mut sums);
-        from += 4;
-    }
-    while from + 2 <= chunks {
-        residual_part::<S, C, 2>(lanes, dictionary, candidate.signal, from, state, residual, &mut sums);
-        from += 2;
-    }
-    if from < chunks {
-        residual_part::<S, C, 1>(lanes, dictionary, candidate.signal, from, state, residual, &mut sums);
-    }
-    let (yr, rr) = (lanes.wide_sum(sums.0), lanes.wide_sum(sums.1));
     let lambda = f64::from(task.lambda);
-    let mut largest = 0.0f64;
-    for member in 0..state.n {
-        let (block, place) = ((member / 16) & (C - 1), member & 15);
-        let c = gap::dot(lanes, dictionary.padded_atom(state.support()[member] as usize), residual);
-        largest = largest.max(if task.nonnegative { c } else { c.abs() });
-        state.error[block][place] = (c - lambda * f64::from(state.signs[block].0[place])) as f32;
-    }
+    let chunks = candidate.signal.len();
+    let (yr, rr, mut largest) = match chunks {
+        3 if S::WIDE => residual_in_registers::<S, C, 3>(lanes, task, candidate.signal, state, residual),
+        4 if S::WIDE => residual_in_registers::<S, C, 4>(lanes, task, candidate.signal, state, residual),
+        _ => {
+            let mut sums = (lanes.wide_splat(0.0), lanes.wide_splat(0.0));
+            let mut from = 0;
+            while from + 2 <= chunks {
+                residual_part::<S, C, 2>(lanes, dictionary, candidate.signal, from, state, residual, &mut sums);
+                from += 2;
+            }
+            if from < chunks {
+                residual_part::<S, C, 1>(lanes, dictionary, candidate.signal, from, state, residual, &mut sums);
+            }
+            let mut largest = 0.0f64;
+            for member in 0..state.n {
+                let c = gap::dot(lanes, dictionary.padded_atom(state.support()[member] as usize), residual);
+                largest = state.judge(task, member, c, largest);
+            }
+            (lanes.wide_sum(sums.0), lanes.wide_sum(sums.1), largest)
+        }
+    };
     // Rounding of the f32 correlations outside the support; where it could matter they are computed anew.
     let m = dictionary.signal_len() as f64;
     let terms = state.n as f64;
@@ -396,7 +424,30 @@ fn certify<S: Lanes, const C: usize>(
     gap::certify(yr, rr, norm1, lambda, largest)
 }
 
-/// Puts y − Dᵀφ of `B` chunks into `residual`; adds to the sums of y·r and r·r.
+/// Puts y − Dᵀφ into `residual` and judges the members by it, for signals of `B` chunks: y·r, r·r, the largest |c| (or c).
+#[inline(always)]
+fn residual_in_registers<S: Lanes, const C: usize, const B: usize>(
+    lanes: S,
+    task: &active::Task<'_>,
+    signal: &[Chunk],
+    state: &mut State<C>,
+    residual: &mut [[f64; 16]],
+) -> (f64, f64, f64) {
+    let mut sums = (lanes.wide_splat(0.0), lanes.wide_splat(0.0));
+    let r = residual_part::<S, C, B>(lanes, task.dictionary, signal, 0, state, residual, &mut sums);
+    let mut largest = 0.0f64;
+    for member in 0..state.n {
+        let atom = &task.dictionary.padded_atom(state.support()[member] as usize)[..B];
+        let mut sum = lanes.wide_splat(0.0);
+        for i in 0..B {
+            sum = lanes.wide_fma(lanes.wide(&atom[i]), r[i], sum);
+        }
+        largest = state.judge(task, member, lanes.wide_sum(sum), largest);
+    }
+    (lanes.wide_sum(sums.0), lanes.wide_sum(sums.1), largest)
+}
+
+/// Puts y − Dᵀφ of `B` chunks into `residual` and gives it; adds to the sums of y·r and r·r.
 #[inline(always)]
 fn residual_part<S: Lanes, const C: usize, const B: usize>(
     lanes: S,
@@ -406,7 +457,7 @@ fn residual_part<S: Lanes, const C: usize, const B: usize>(
     state: &State<C>,
     residual: &mut [[f64; 16]],
     sums: &mut (S::D, S::D),
-) {
+) -> [S::D; B] {
     let signal = &signal[from..][..B];
     let mut r = [lanes.wide_splat(0.0); B];
     for i in 0..B {
@@ -425,6 +476,7 @@ fn residual_part<S: Lanes, const C: usize, const B: usize>(
         sums.1 = lanes.wide_fma(r[i], r[i], sums.1);
         lanes.wide_store(&mut residual[i], r[i]);
     }
+    r
 }
 
 /// In f64 from scratch.

@@ -118,7 +118,7 @@ fn admit<S: Lanes, const C: usize, const NEAR_ROWS: bool>(
     if state.rounds >= task.max_rounds {
         return Next::Over(End::Cap);
     }
-    if state.is_full() {
+    if state.free().is_none() {
         return Next::Over(End::Full);
     }
     let (at, lane) = (tag as usize / 16, tag as usize % 16);
@@ -129,10 +129,6 @@ fn admit<S: Lanes, const C: usize, const NEAR_ROWS: bool>(
     if NEAR_ROWS {
         for &chunk in &state.near {
             lanes.prefetch(&row[chunk as usize]);
-        }
-    } else {
-        for chunk in row {
-            lanes.prefetch(chunk);
         }
     }
     Next::Enter(newcomer)
@@ -166,6 +162,10 @@ fn look_at_all<S: Lanes, const C: usize>(lanes: S, task: &Task<'_>, correlations
     let mut best = lanes.splat(f32::from_bits(1 << 31));
     let mut from = 0;
     if S::WIDE {
+        if correlations.len() == 16 {
+            best = look_at_some::<S, C, 16>(lanes, task, correlations, 0, state);
+            from = 16;
+        }
         while from + 8 <= correlations.len() {
             best = lanes.larger_bits(best, look_at_some::<S, C, 8>(lanes, task, correlations, from, state));
             from += 8;
@@ -186,7 +186,7 @@ fn look_at_some<S: Lanes, const C: usize, const B: usize>(
     from: usize,
     state: &State<C>,
 ) -> S::V {
-    let (width, gram) = (correlations.len(), task.dictionary.gram());
+    let gram = task.dictionary.gram();
     let own = &correlations[from..from + B];
     let mut c = [lanes.splat(0.0); B];
     for i in 0..B {
@@ -195,7 +195,7 @@ fn look_at_some<S: Lanes, const C: usize, const B: usize>(
     for first in (0..state.n).step_by(2) {
         for member in [first, first + 1] {
             let (block, place) = ((member / 16) & (C - 1), member & 15);
-            let row = &gram[state.support[block][place] as usize * width + from..][..B];
+            let row = &gram[state.rows[block][place] as usize + from..][..B];
             let value = lanes.splat(state.phi[block].0[place]);
             for i in 0..B {
                 c[i] = lanes.fnma(value, lanes.load(&row[i]), c[i]);

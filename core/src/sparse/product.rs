@@ -30,7 +30,8 @@ fn correlate_panels<S: Lanes, const P: usize>(
     for (p, panel) in dictionary.panels().enumerate() {
         for (signals, rows) in signals.chunks(GROUP * stride).zip(out.chunks_mut(GROUP * width)) {
             // Where the last group lacks signals, its first stands in; there is no row for it.
-            let row = |n: usize| if n * stride + m <= signals.len() { &signals[n * stride..][..m] } else { &signals[..m] };
+            let row =
+                |n: usize| if n * stride + m <= signals.len() { &signals[n * stride..][..m] } else { &signals[..m] };
             let [a, b, c, d, e, f] = [row(0), row(1), row(2), row(3), row(4), row(5)];
             for part in 0..PANEL / P {
                 let mut sums = [[lanes.splat(0.0); P]; GROUP];

@@ -2,9 +2,7 @@
 
 use super::fast::{Fast, Greedy, MOST_GREEDY, Scratch};
 use super::simd::{Chunk, dispatch, flat};
-use super::{
-    Codes, Ended, Error, Options, Penalty, Prepared, Solver, descent, gap, homotopy, omp, prepared, proximal,
-};
+use super::{Codes, Ended, Error, Options, Penalty, Prepared, Solver, descent, gap, homotopy, omp, prepared, proximal};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 
@@ -111,18 +109,24 @@ pub fn solve(dictionary: &Prepared, signals: ArrayView2<'_, f32>, options: &Opti
     check(dictionary, &signals, options)?;
     let signals = signals.as_standard_layout();
     let Some(flat) = signals.as_slice() else { return Err(Error::Shape("signals without a layout".into())) };
-    if let Some(row) = first_not_finite(flat, dictionary.signal_len()) {
-        return Err(Error::NotFinite { what: "the signals", row });
-    }
     let proximal = matches!(options.solver, Solver::Ista | Solver::Fista);
     let eigenvalue = if proximal { proximal::largest_eigenvalue(dictionary) } else { 0.0 };
-    let blocks: Vec<Codes> = flat
-        .par_chunks(BLOCK * dictionary.signal_len())
+    let m = dictionary.signal_len();
+    let blocks: Vec<Result<Codes, usize>> = flat
+        .par_chunks(BLOCK * m)
         .map_init(
             || (Scratch::new(dictionary, PART), Work::new(dictionary, eigenvalue)),
-            |(scratch, work), block| solve_block(dictionary, block, options, scratch, work),
+            |(scratch, work), block| match first_not_finite(block, m) {
+                None => Ok(solve_block(dictionary, block, options, scratch, work)),
+                Some(row) => Err(row),
+            },
         )
         .collect();
+    let bad = blocks.iter().enumerate().find_map(|(n, block)| block.as_ref().err().map(|row| n * BLOCK + row));
+    if let Some(row) = bad {
+        return Err(Error::NotFinite { what: "the signals", row });
+    }
+    let blocks: Vec<Codes> = blocks.into_iter().flatten().collect();
     Ok(join(&blocks))
 }
 
@@ -150,8 +154,10 @@ fn check(dictionary: &Prepared, signals: &ArrayView2<'_, f32>, options: &Options
 fn first_not_finite(signals: &[f32], m: usize) -> Option<usize> {
     // Without looking for where, several values a time.
     let bad = |values: &[f32]| values.iter().fold(false, |bad, v| bad | !v.is_finite());
-    let block = signals.par_chunks(4096 * m).position_first(bad)? * 4096;
-    signals[block * m..].chunks(m).position(bad).map(|row| block + row)
+    if !bad(signals) {
+        return None;
+    }
+    signals.chunks(m).position(bad)
 }
 
 /// Refuses parameters out of range.
@@ -179,7 +185,7 @@ fn solve_block(
     work: &mut Work,
 ) -> Codes {
     let m = dictionary.signal_len();
-    let mut codes = Codes::with_room(signals.len() / m, signals.len() / m * 16);
+    let mut codes = Codes::with_room(signals.len() / m, signals.len() / m * 8);
     let counted = matches!(options.penalty, Penalty::NonZeros(_));
     for part in signals.chunks(PART * m) {
         if matches!(options.solver, Solver::Auto | Solver::ActiveSet) && !counted {

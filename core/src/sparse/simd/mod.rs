@@ -117,6 +117,11 @@ pub(super) trait Lanes: Copy {
     fn above(self, a: Self::V, level: f32) -> u16;
     /// Sum of all lanes: halves added onto each other.
     fn sum(self, a: Self::V) -> f32;
+    /// The sums of two vectors' lanes, each as [`Lanes::sum`] adds.
+    #[inline(always)]
+    fn sum_both(self, a: Self::V, b: Self::V) -> (f32, f32) {
+        (self.sum(a), self.sum(b))
+    }
     /// Bit i says whether lane i is below zero.
     fn negative(self, a: Self::V) -> u16;
     /// The bits of `a` that `keep` has, with those of `tag`.

@@ -95,6 +95,18 @@ impl Lanes for Avx512 {
         unsafe { sum8(_mm256_add_ps(_mm512_castps512_ps256(a), _mm512_extractf32x8_ps::<1>(a))) }
     }
     #[inline(always)]
+    fn sum_both(self, a: __m512, b: __m512) -> (f32, f32) {
+        unsafe {
+            // The same additions as in `sum`, those of a and b side by side.
+            let a = _mm256_add_ps(_mm512_castps512_ps256(a), _mm512_extractf32x8_ps::<1>(a));
+            let b = _mm256_add_ps(_mm512_castps512_ps256(b), _mm512_extractf32x8_ps::<1>(b));
+            let c = _mm256_add_ps(_mm256_permute2f128_ps::<0x20>(a, b), _mm256_permute2f128_ps::<0x31>(a, b));
+            let d = _mm256_add_ps(c, _mm256_permute_ps::<0b01_00_11_10>(c));
+            let e = _mm256_add_ps(d, _mm256_permute_ps::<0b10_11_00_01>(d));
+            (_mm256_cvtss_f32(e), _mm_cvtss_f32(_mm256_extractf128_ps::<1>(e)))
+        }
+    }
+    #[inline(always)]
     fn negative(self, a: __m512) -> u16 {
         unsafe { _mm512_cmp_ps_mask::<_CMP_LT_OQ>(a, _mm512_setzero_ps()) }
     }
