@@ -236,3 +236,59 @@ fn wrong_usage_is_exit_code_two_and_failures_are_one_line() {
     }
     assert!(!out.exists());
 }
+
+#[test]
+fn mosaics_in_pictures_and_raw_files_decode_like_the_container() {
+    let dir = tempfile::tempdir().unwrap();
+    let (lfp, calib) = camera(dir.path());
+    let capture = container::open(&lfp, None).unwrap();
+    let decoded = |path: &Path, more: &[&str]| {
+        let out = path.with_extension("decoded.npy");
+        let mut words = vec![path, Path::new("--calibration"), &calib, Path::new("--out"), &out];
+        words.extend(
+            ["--size", "40", "--views", "3", "--method", "cubic", "-q", "--white-balance", "1,1,1"].map(Path::new),
+        );
+        words.extend(["--without", "colour-matrix", "--without", "exposure-bias"].map(Path::new));
+        words.extend(more.iter().map(Path::new));
+        let done = run(&words);
+        assert!(done.status.success(), "{}: {}", path.display(), said(&done));
+        lightfield::load(&out, &ReadOptions::default()).unwrap().data
+    };
+    let truth = decoded(&lfp, &[]);
+    let profile = ["--profile", "lytro-f01"];
+    let side = SIDE as u32;
+    let sixteen = |x: u32, y: u32| capture.mosaic.data[(y * side + x) as usize];
+    let deep = image::ImageBuffer::from_fn(side, side, |x, y| image::Luma([sixteen(x, y)]));
+    let eight = image::GrayImage::from_fn(side, side, |x, y| image::Luma([(sixteen(x, y) / 16) as u8]));
+    let path = |name: &str| dir.path().join(name);
+    for name in ["deep.png", "deep.tif"] {
+        deep.save(path(name)).unwrap();
+        let got = decoded(&path(name), &profile);
+        assert_eq!(got, truth, "{name}");
+    }
+    for name in ["eight.png", "eight.tif", "eight.jpg"] {
+        eight.save(path(name)).unwrap();
+        let got = decoded(&path(name), &profile);
+        // Half of 1/256 on average, and what the JPEG coder adds.
+        let mean = got.iter().zip(&truth).map(|(a, b)| f64::from((a - b).abs())).sum::<f64>() / got.len() as f64;
+        assert!(mean < 0.008, "{name}: {mean}");
+    }
+    // A packed raw with its facts beside it, under either name, as `extract` leaves it.
+    let parts = path("parts");
+    let done =
+        Command::new(env!("CARGO_BIN_EXE_lenslet")).args(["extract", "--out"]).args([&parts, &lfp]).output().unwrap();
+    assert!(done.status.success(), "{}", said(&done));
+    let of = |ending: &str| {
+        let mut names = std::fs::read_dir(&parts).unwrap().map(|e| e.unwrap().path());
+        names.find(|p| p.extension().is_some_and(|e| e == ending))
+    };
+    let raw = of("raw").expect("a raw file");
+    let facts =
+        std::fs::read(raw.with_extension("json")).or_else(|_| std::fs::read(raw.with_extension("txt"))).unwrap();
+    for ending in ["txt", "json"] {
+        let alone = path(&format!("as-{ending}.raw"));
+        std::fs::copy(&raw, &alone).unwrap();
+        std::fs::write(alone.with_extension(ending), &facts).unwrap();
+        assert_eq!(decoded(&alone, &[]), truth, ".raw with .{ending}");
+    }
+}

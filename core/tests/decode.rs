@@ -235,7 +235,9 @@ fn saturated_light_is_neutral_and_nothing_is_infinite() {
     let middle = samples.values.index_axis(ndarray::Axis(0), 24);
     assert!(middle.iter().all(|v| (v - 1.0).abs() < 0.005));
     // Without that step the colours end at different heights.
-    let samples = decoded(&capture, &calibration, &without(Step::Highlights));
+    let mut options = without(Step::Highlights);
+    options.steps.retain(|s| *s != Step::Gamut);
+    let samples = decoded(&capture, &calibration, &options);
     let middle = samples.values.index_axis(ndarray::Axis(0), 24);
     assert!(middle.column(0).mean().unwrap() / middle.column(1).mean().unwrap() > 1.2);
     // A white image with black pixels.
@@ -372,4 +374,90 @@ fn bad_input_is_told_by_whose_fault_it_is() {
     ] {
         assert!(matches!(run(&capture, &calibration, &options), Err(Error::Parameter(_))), "{options:?}");
     }
+}
+
+/// Light of one view of a decoded scene, green.
+fn green(samples: &HexSamples, view: usize) -> f32 {
+    samples.values.index_axis(ndarray::Axis(0), view).column(1).mean().unwrap()
+}
+
+#[test]
+fn the_stated_exposure_bias_is_applied_with_the_offset_of_the_camera() {
+    let (mut capture, calibration) = planted(Cfa::Bggr, 0.0, 0.9, |_, _, _| 0.4);
+    let plain = green(&decoded(&capture, &calibration, &Options::default()), 24);
+    capture.camera.exposure_bias = Some(-0.5);
+    for (model, stops) in [(None, -0.5), (Some("ILLUM"), -0.5), (Some("F01"), 0.5)] {
+        capture.camera.model = model.map(str::to_owned);
+        let got = green(&decoded(&capture, &calibration, &Options::default()), 24);
+        assert!((got / plain / f32::exp2(stops) - 1.0).abs() < 1e-3, "{model:?}: {got} {plain}");
+        let left = green(&decoded(&capture, &calibration, &without(Step::ExposureBias)), 24);
+        assert!((left / plain - 1.0).abs() < 1e-4);
+    }
+}
+
+#[test]
+fn colours_out_of_reach_fit_only_with_that_step() {
+    // Dark green as a strong matrix makes it: red and blue below 0.
+    let (mut capture, calibration) = planted(Cfa::Bggr, 0.0, 0.9, |_, _, c| [0.06, 0.12, 0.05][c]);
+    capture.colour.ccm = [3.1, -1.94, -0.16, -0.36, 1.64, -0.28, 0.08, -1.16, 2.08];
+    let open = decoded(&capture, &calibration, &without(Step::Gamut));
+    assert!(open.values.iter().any(|v| *v < -0.02));
+    let fitted = decoded(&capture, &calibration, &Options::default());
+    assert!(fitted.values.iter().all(|v| (0.0..=1.0).contains(v)));
+    for k in inner(&open, 12.0) {
+        let luminance = |s: &HexSamples| {
+            0.2126 * s.values[[24, k, 0]] + 0.7152 * s.values[[24, k, 1]] + 0.0722 * s.values[[24, k, 2]]
+        };
+        assert!((luminance(&open) - luminance(&fitted)).abs() < 1e-5);
+        assert!(fitted.values[[24, k, 1]] > 2.0 * fitted.values[[24, k, 0]].max(fitted.values[[24, k, 2]]));
+    }
+}
+
+#[test]
+fn views_are_recentred_on_the_aperture() {
+    let plane = |x: f64, y: f64, _: usize| 0.2 + 0.003 * x + 0.001 * y;
+    let (capture, calibration) = planted(Cfa::Bggr, 1.5, 0.9, plane);
+    let truth = decoded(&capture, &calibration, &Options::default());
+    let off = |samples: &HexSamples, k: usize| {
+        (0..2)
+            .map(|n| (samples.centres[k][n] - [calibration.lenslets[k].x, calibration.lenslets[k].y][n]).abs())
+            .fold(0.0, f64::max)
+    };
+    assert!((0..truth.centres.len()).all(|k| off(&truth, k) < 0.05));
+    // A calibration whose centres are all off by the same: the white image knows better.
+    let mut wrong = calibration.clone();
+    for l in &mut wrong.lenslets {
+        (l.x, l.y) = (l.x + 0.6, l.y - 0.4);
+    }
+    let again = decoded(&capture, &wrong, &Options::default());
+    assert!((0..truth.centres.len()).all(|k| off(&again, k) < 0.08), "{}", off(&again, 0));
+    let left = decoded(&capture, &wrong, &Options { recentre: false, ..Options::default() });
+    let error = |s: &HexSamples| {
+        inner(s, 14.0).iter().map(|&k| (s.values[[24, k, 1]] - truth.values[[24, k, 1]]).abs()).fold(0.0, f32::max)
+    };
+    // Seen from 0.6 pixels aside the plane is 0.6·1.5·0.003 brighter; that is what is mended.
+    assert!(error(&again) < 0.0012 && error(&left) > 0.0015, "{} {}", error(&again), error(&left));
+    // Nothing to go by: nothing is moved.
+    wrong.vignetting = None;
+    let blind = decoded(&capture, &wrong, &Options::default());
+    assert_eq!(blind.centres[0], [wrong.lenslets[0].x, wrong.lenslets[0].y]);
+}
+
+#[test]
+fn weights_tell_how_well_each_view_is_lit() {
+    let (capture, calibration) = planted(Cfa::Bggr, 0.0, 0.9, |_, _, _| 0.5);
+    let samples = decoded(&capture, &calibration, &Options { views: 11, ..Options::default() });
+    assert_eq!(samples.weights.len(), 121);
+    let at = |u: i32, v: i32| samples.weights[((v + 5) * 11 + u + 5) as usize];
+    assert!(at(0, 0) > 0.98);
+    // The planted micro-image: 1 − 0.8·(r/5)², at least 0.06.
+    for (u, v) in [(2, 0), (0, -3), (2, 2), (-3, 1)] {
+        let truth = (1.0 - 0.8 * f64::from(u * u + v * v) / 25.0) as f32;
+        assert!((at(u, v) - truth).abs() < 0.05, "({u}, {v}): {} for {truth}", at(u, v));
+    }
+    // Five and more pixels away along a row the neighbour begins.
+    assert_eq!([at(-5, 1), at(5, -1), at(5, 5)], [0.0; 3]);
+    let mut blind = calibration.clone();
+    blind.vignetting = None;
+    assert!(decoded(&capture, &blind, &Options::default()).weights.iter().all(|w| *w == 1.0));
 }

@@ -392,6 +392,7 @@ fn samples() {
         index: (0..12).map(|k| [k, 0]).collect(),
         views: 3,
         view_step: 1.0,
+        weights: vec![1.0; 9],
         values: Array3::from_shape_fn((9, 12, 3), |(v, l, c)| (v + l + c) as f32),
     };
     npz::save(&slot.path, &whole, false).unwrap();

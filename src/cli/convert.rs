@@ -2,10 +2,11 @@
 
 use std::path::PathBuf;
 
-use lenslet_core::lightfield::{self, ColourSpace, Format, ReadOptions, colour};
+use lenslet_core::lightfield::{self, ColourSpace, ReadOptions, colour};
 use lenslet_core::progress::Observer;
 use serde_json::json;
 
+use super::written::Written;
 use super::{Context, Outcome, Usage, score};
 
 /// Convert a light field from one format to another
@@ -20,12 +21,8 @@ level 5 (variable LF). Writes: dir (16-bit PNG a view), npy (float32), mat (LF, 
 pub struct Args {
     /// The light field to read
     input: PathBuf,
-    /// What to write
-    #[arg(long, value_name = "PATH")]
-    out: PathBuf,
-    /// Format to write: dir, npy, mat or eslf (default: by the ending of --out: .npy, .mat, .png, else dir)
-    #[arg(long, value_parser = ["dir", "npy", "mat", "eslf"])]
-    format: Option<String>,
+    #[command(flatten)]
+    written: Written,
     /// Views (N or ROWSxCOLUMNS) of a lenslet picture, or of pictures numbered in a row
     #[arg(long, value_name = "N", value_parser = score::parse_views)]
     views: Option<[usize; 2]>,
@@ -35,12 +32,6 @@ pub struct Args {
     /// The input holds linear light, and does not say so itself
     #[arg(long)]
     input_linear: bool,
-    /// Write linear light (default: sRGB-encoded values)
-    #[arg(long)]
-    linear: bool,
-    /// Replace what stands at --out
-    #[arg(long)]
-    force: bool,
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
@@ -56,18 +47,19 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     // An even number cannot be cut from an odd one around the middle; the upper left of the two choices is taken.
     let first = [(meta.views[0] - rows) / 2, (meta.views[1] - columns) / 2];
     let from = meta.colour;
+    if let Some(weights) = &meta.weights {
+        let line = |v: usize| &weights[(first[0] + v) * meta.views[1] + first[1]..][..columns];
+        meta.weights = Some((0..rows).flat_map(line).copied().collect());
+    }
     meta.views = [rows, columns];
-    meta.colour = if args.linear { ColourSpace::Linear } else { ColourSpace::Srgb };
-    let format = match &args.format {
-        Some(name) => name.parse()?,
-        None => Format::of_name(&args.out),
-    };
+    meta.colour = args.written.colour();
+    let format = args.written.format();
     let name = args.input.file_name().map(|n| n.to_string_lossy().into_owned());
     meta.provenance.push(json!({
         "tool": "lenslet", "version": env!("CARGO_PKG_VERSION"), "command": "convert", "input": name, "first_view": first,
     }));
 
-    let mut sink = lightfield::create(&args.out, meta.clone(), format, args.force)?;
+    let mut sink = lightfield::create(&args.written.out, meta.clone(), format, args.written.force)?;
     context.progress.begin("converting views", (rows * columns) as u64);
     for v in 0..rows {
         for u in 0..columns {
@@ -81,7 +73,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     sink.finish()?;
 
     let [height, width] = meta.size;
-    let out = args.out.display().to_string();
+    let out = args.written.out.display().to_string();
     let text = format!("{out}: {rows}x{columns} views of {width}x{height}, {} channels, {format}", meta.channels);
     let json = json!({
         "out": out, "format": format.to_string(), "views": meta.views, "size": meta.size,

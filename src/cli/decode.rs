@@ -10,10 +10,11 @@ use lenslet::resample::{self, Method, RenderOptions, Target};
 use lenslet_core::calibration::Calibration;
 use lenslet_core::container::{self, Capture};
 use lenslet_core::decode::{self, Demosaic, HexSamples, Step, WhiteBalance, npz};
-use lenslet_core::lightfield::{self, ColourSpace, Format, Meta};
+use lenslet_core::lightfield::{self, Meta};
 use lenslet_core::progress::Observer;
 use serde_json::{Value, json};
 
+use super::written::Written;
 use super::{Context, Interrupted, Outcome, Usage};
 use choose::Shelf;
 use inputs::Job;
@@ -35,9 +36,8 @@ pub struct Args {
     /// folder, data.C.n bundle or .tar (not needed for an Illum .lfr)
     #[arg(short, long, value_name = "CAM.calib|DIR")]
     calibration: Option<PathBuf>,
-    /// The light field to write (a folder of light fields for several captures)
-    #[arg(short, long, value_name = "LF")]
-    out: PathBuf,
+    #[command(flatten)]
+    written: Written,
     /// How views are made: bicubic, barycentric, cubic, multiview or learned
     #[arg(short, long, default_value = "cubic", value_name = "METHOD")]
     method: Method,
@@ -57,18 +57,6 @@ pub struct Args {
     /// Size of the views: pixels of the longer side, WIDTHxHEIGHT, or native (one pixel a lenslet)
     #[arg(long, default_value = "1080", value_name = "SIZE")]
     size: Size,
-    /// Write one .npy (float32; v,u,t,s,c) instead of a folder of 16-bit PNGs
-    #[arg(long, group = "format")]
-    npy: bool,
-    /// Write one MATLAB file (level 5, variable LF) instead
-    #[arg(long, group = "format")]
-    mat: bool,
-    /// Write one lenslet picture (ESLF, 16-bit PNG) instead
-    #[arg(long, group = "format")]
-    eslf: bool,
-    /// Write linear light instead of sRGB
-    #[arg(long)]
-    linear: bool,
     /// Camera profile, where the files do not name their camera
     #[arg(long, value_name = "NAME")]
     profile: Option<String>,
@@ -81,15 +69,23 @@ pub struct Args {
     /// Brighten (or darken, below 0) by this many stops
     #[arg(long, value_name = "EV", allow_negative_numbers = true, value_parser = parse_exposure)]
     exposure: Option<f32>,
-    /// Leave out a step: black-level, hot-pixels, vignetting, white-balance, highlights or colour-matrix
-    #[arg(long, value_name = "STEP", value_parser = parse_step)]
-    without: Vec<Step>,
+    /// Smooth the colours of noisy captures, not their light (done unasked for mosaics saved as JPEG)
+    #[arg(long)]
+    calm_colours: bool,
+    /// Leave out a step: black-level, hot-pixels, vignetting, white-balance, highlights, calm-colours, colour-matrix, exposure-bias,
+    /// gamut, or recentre (of the views)
+    #[arg(long, value_name = "STEP", value_parser = parse_without)]
+    without: Vec<Without>,
     /// Do not keep the measured samples (samples.npz)
     #[arg(long)]
     no_samples: bool,
-    /// Replace what stands at --out
-    #[arg(short, long)]
-    force: bool,
+}
+
+/// `--without`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Without {
+    Step(Step),
+    Recentring,
 }
 
 /// `--size`.
@@ -142,47 +138,50 @@ fn parse_exposure(text: &str) -> Result<f32, String> {
     text.parse().ok().filter(|ev| (-32.0..=32.0).contains(ev)).ok_or_else(|| "stops from -32 to 32".into())
 }
 
-fn parse_step(text: &str) -> Result<Step, String> {
-    Ok(match text {
-        "black-level" => Step::BlackLevel,
-        "hot-pixels" => Step::HotPixels,
-        "vignetting" => Step::Vignetting,
-        "white-balance" => Step::WhiteBalance,
-        "highlights" => Step::Highlights,
-        "colour-matrix" => Step::ColourMatrix,
-        _ => return Err("black-level, hot-pixels, vignetting, white-balance, highlights or colour-matrix".into()),
-    })
+const STEPS: [(&str, Without); 10] = [
+    ("black-level", Without::Step(Step::BlackLevel)),
+    ("hot-pixels", Without::Step(Step::HotPixels)),
+    ("vignetting", Without::Step(Step::Vignetting)),
+    ("white-balance", Without::Step(Step::WhiteBalance)),
+    ("highlights", Without::Step(Step::Highlights)),
+    ("calm-colours", Without::Step(Step::CalmColours)),
+    ("colour-matrix", Without::Step(Step::ColourMatrix)),
+    ("exposure-bias", Without::Step(Step::ExposureBias)),
+    ("gamut", Without::Step(Step::Gamut)),
+    ("recentre", Without::Recentring),
+];
+
+fn parse_without(text: &str) -> Result<Without, String> {
+    let found = STEPS.iter().find(|(name, _)| *name == text).map(|s| s.1);
+    found.ok_or_else(|| STEPS.map(|s| s.0).join(", "))
 }
 
 impl Args {
-    fn format(&self) -> Format {
-        match (self.npy, self.mat, self.eslf) {
-            (true, ..) => Format::Npy,
-            (_, true, _) => Format::Mat,
-            (_, _, true) => Format::Eslf,
-            _ => Format::Directory,
-        }
-    }
-
-    fn ending(&self) -> &'static str {
-        match self.format() {
-            Format::Npy => ".npy",
-            Format::Mat => ".mat",
-            Format::Eslf => ".png",
-            Format::Directory => "",
-        }
-    }
-
-    fn decode_options(&self) -> decode::Options {
-        let mut steps = decode::default_steps();
-        for step in &mut steps {
-            if let Step::Demosaic(kind) = step {
-                *kind = self.demosaic;
+    /// The options for a capture; `damaged`: its colours went through a JPEG coder.
+    fn decode_options(&self, damaged: bool) -> decode::Options {
+        let mut steps = Vec::new();
+        for step in decode::default_steps() {
+            match step {
+                Step::Demosaic(_) => {
+                    steps.push(Step::Demosaic(self.demosaic));
+                    steps.extend((self.calm_colours || damaged).then_some(Step::CalmColours));
+                }
+                // Scene-linear output keeps what the screen cannot show.
+                Step::Gamut => {
+                    steps.extend(self.exposure.map(Step::Exposure));
+                    steps.extend((!self.written.linear).then_some(step));
+                }
+                _ => steps.push(step),
             }
         }
-        steps.retain(|s| !self.without.contains(s));
-        steps.extend(self.exposure.map(Step::Exposure));
-        decode::Options { views: self.views, view_step: self.view_step, white_balance: self.white_balance, steps }
+        steps.retain(|s| !self.without.contains(&Without::Step(*s)));
+        decode::Options {
+            views: self.views,
+            view_step: self.view_step,
+            white_balance: self.white_balance,
+            recentre: !self.without.contains(&Without::Recentring),
+            steps,
+        }
     }
 
     fn target(&self, samples: &HexSamples) -> Target {
@@ -212,9 +211,9 @@ impl Args {
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     args.check()?;
-    let (jobs, several) = inputs::jobs(&args.captures, &args.out, args.ending())?;
-    if !several && !args.force {
-        refuse_existing(&args.out)?;
+    let (jobs, several) = inputs::jobs(&args.captures, &args.written)?;
+    if !several && !args.written.force {
+        refuse_existing(&args.written.out)?;
     }
     let mut shelf = Shelf::open(args.calibration.as_deref(), context)?;
     let mut done: Vec<Value> = Vec::new();
@@ -222,7 +221,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let mut failed: Vec<String> = Vec::new();
     for job in &jobs {
         context.progress.check()?;
-        if several && !args.force && std::fs::symlink_metadata(&job.out).is_ok() {
+        if several && !args.written.force && std::fs::symlink_metadata(&job.out).is_ok() {
             skipped.push(job);
             continue;
         }
@@ -270,25 +269,26 @@ fn one(args: &Args, job: &Job, shelf: &mut Shelf, context: &Context) -> anyhow::
     let (calibration, reason) = shelf.choose(&capture, context)?;
     progress.note(&format!("{}: calibration {reason}", job.capture.display()));
     let read = started.elapsed();
-    let samples = decode::samples(&capture, calibration, &args.decode_options(), progress).map_err(|e| match e {
+    let options = args.decode_options(container::is_jpeg(&job.capture));
+    let samples = decode::samples(&capture, calibration, &options, progress).map_err(|e| match e {
         decode::Error::Interrupted => Interrupted.into(),
         e => anyhow::Error::new(e).context(job.capture.display().to_string()),
     })?;
-    let meta = describe_views(args, job, &capture, calibration, &samples, &reason);
+    let meta = describe_views(args, job, &capture, calibration, &samples, &options, &reason);
     drop(capture);
     let sampled = started.elapsed();
     let size = meta.size;
-    let mut sink = lightfield::create(&job.out, meta, args.format(), args.force)?;
+    let mut sink = lightfield::create(&job.out, meta, job.format, args.written.force)?;
     let target = Target { width: size[1], height: size[0] };
-    let mut options =
+    let mut rendering =
         RenderOptions { base: args.base.unwrap_or(RenderOptions::default().base), ..RenderOptions::default() };
     if args.footprint == "lenslet" {
-        options.infer.footprint = lenslet_core::dictionary::Footprint::Lenslet;
+        rendering.infer.footprint = lenslet_core::dictionary::Footprint::Lenslet;
     }
     let mut writing = std::time::Duration::ZERO;
     let mut put = |v: usize, u: usize, view: &ndarray::Array3<f32>| -> anyhow::Result<()> {
         let begin = Instant::now();
-        if args.linear {
+        if args.written.linear {
             sink.write(v, u, view)?;
         } else {
             sink.write(v, u, &resample::encode::srgb(view))?;
@@ -296,7 +296,7 @@ fn one(args: &Args, job: &Job, shelf: &mut Shelf, context: &Context) -> anyhow::
         writing += begin.elapsed();
         Ok(())
     };
-    resample::render(&samples, &target, args.method, &options, &mut put, progress)
+    resample::render(&samples, &target, args.method, &rendering, &mut put, progress)
         .map_err(|e| if progress.cancelled() { Interrupted.into() } else { e })?;
     progress.check()?;
     let kept = if args.no_samples { None } else { Some(keep_samples(args, job, &*sink, &samples)?) };
@@ -334,7 +334,7 @@ fn keep_samples(
         return Ok(job.out.join(npz::SAMPLES).display().to_string());
     }
     let path = job.out.with_extension(npz::SAMPLES);
-    npz::save(&path, samples, args.force)?;
+    npz::save(&path, samples, args.written.force)?;
     Ok(path.display().to_string())
 }
 
@@ -344,12 +344,13 @@ fn describe_views(
     capture: &Capture,
     calibration: &Calibration,
     samples: &HexSamples,
+    options: &decode::Options,
     reason: &str,
 ) -> Meta {
     let target = args.target(samples);
-    let colour = if args.linear { ColourSpace::Linear } else { ColourSpace::Srgb };
     let n = args.views;
-    let mut meta = Meta::new([n, n], [target.height, target.width], samples.values.dim().2, colour);
+    let mut meta = Meta::new([n, n], [target.height, target.width], samples.values.dim().2, args.written.colour());
+    meta.weights = Some(samples.weights.clone());
     meta.pitch = Some(calibration.lattice.pitch() * target.width as f64 / samples.sensor.0 as f64);
     meta.rotation = Some(calibration.lattice.rotation());
     meta.method = Some(args.method.name().into());
@@ -365,8 +366,9 @@ fn describe_views(
         "method": args.method.name(),
         "base": (args.method == Method::Learned).then(|| args.base.unwrap_or(RenderOptions::default().base).name()),
         "view_step": args.view_step,
-        "steps": args.decode_options().steps.iter().map(|s| format!("{s:?}")).collect::<Vec<_>>(),
+        "steps": options.steps.iter().map(|s| format!("{s:?}")).collect::<Vec<_>>(),
         "white_balance": format!("{:?}", args.white_balance),
+        "recentred": options.recentre,
     }));
     meta
 }

@@ -205,6 +205,7 @@ fn single(samples: &HexSamples, v: usize, u: usize) -> HexSamples {
         values: samples.values.index_axis(Axis(0), k).insert_axis(Axis(0)).to_owned(),
         centres: samples.centres.clone(),
         index: samples.index.clone(),
+        weights: vec![samples.weights[k]],
         ..*samples
     }
 }

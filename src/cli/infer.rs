@@ -4,10 +4,11 @@ use std::path::PathBuf;
 
 use lenslet::infer::{self, Enlargement, Mode, Options, Reconstructor};
 use lenslet_core::dictionary::{self, Footprint};
-use lenslet_core::lightfield::{self, ColourSpace, Format, ReadOptions};
+use lenslet_core::lightfield::{self, ColourSpace, ReadOptions};
 use lenslet_core::progress::Observer;
 use serde_json::json;
 
+use super::written::Written;
 use super::{Context, Interrupted, Outcome, Usage, dict, score};
 
 /// Learned reconstruction of a light field
@@ -22,9 +23,8 @@ Light fields decoded by lenslet have their final size already. Those of other to
 pub struct Args {
     /// The light field, in any format that convert reads
     input: PathBuf,
-    /// What to write
-    #[arg(long, value_name = "LF2")]
-    out: PathBuf,
+    #[command(flatten)]
+    written: Written,
     /// Dictionary: a file, or a name (default: the embedded one)
     #[arg(long, default_value = "default", value_name = "NAME|FILE")]
     dictionary: PathBuf,
@@ -46,21 +46,12 @@ pub struct Args {
     /// λ instead of the trained one
     #[arg(long, value_name = "L")]
     lambda: Option<f32>,
-    /// Format to write (default: by the ending of --out)
-    #[arg(long, value_parser = ["dir", "npy", "mat", "eslf"])]
-    format: Option<String>,
     /// Views (N or ROWSxCOLUMNS) of a lenslet picture, or of pictures numbered in a row
     #[arg(long, value_name = "N", value_parser = score::parse_views)]
     views: Option<[usize; 2]>,
     /// The input holds linear light, and does not say so itself
     #[arg(long)]
     input_linear: bool,
-    /// Write linear light (default: sRGB-encoded values)
-    #[arg(long)]
-    linear: bool,
-    /// Replace what stands at --out
-    #[arg(long)]
-    force: bool,
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
@@ -105,7 +96,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let enlargement = if scale == 1.0 { Enlargement::None } else { Enlargement::Bicubic(scale) };
     meta.size = enlargement.size(meta.size);
     meta.pitch = Some(pitch);
-    meta.colour = if args.linear { ColourSpace::Linear } else { ColourSpace::Srgb };
+    meta.colour = args.written.colour();
     meta.method = Some("learned".into());
     let name = args.input.file_name().map(|n| n.to_string_lossy().into_owned());
     meta.provenance.push(json!({
@@ -113,11 +104,8 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         "dictionary": args.dictionary.file_name().map(|n| n.to_string_lossy().into_owned()),
         "mode": format!("{mode:?}").to_lowercase(), "footprint": model.footprint, "scale": scale,
     }));
-    let format = match &args.format {
-        Some(name) => name.parse()?,
-        None => Format::of_name(&args.out),
-    };
-    let mut sink = lightfield::create(&args.out, meta.clone(), format, args.force)?;
+    let format = args.written.format();
+    let mut sink = lightfield::create(&args.written.out, meta.clone(), format, args.written.force)?;
     let began = std::time::Instant::now();
     let done = infer::light_field(&*source, &mut *sink, meta.colour, &reconstructor, enlargement, &context.progress);
     if let Err(e) = done {
@@ -128,7 +116,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     context.progress.check()?;
     sink.finish()?;
     let ([rows, columns], [height, width]) = (meta.views, meta.size);
-    let out = args.out.display().to_string();
+    let out = args.written.out.display().to_string();
     let text = format!("{out}: {rows}x{columns} views of {width}x{height} (enlarged by {scale}), {seconds:.1} s");
     let json = json!({
         "out": out, "views": meta.views, "size": meta.size, "scale": scale, "seconds": seconds,

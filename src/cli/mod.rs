@@ -18,6 +18,7 @@ mod simulate;
 mod train_dict;
 mod view;
 mod viewpoint;
+mod written;
 
 use std::process::ExitCode;
 

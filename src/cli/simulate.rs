@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use lenslet_core::container;
 use lenslet_data_gen::simulate::{self, Camera, Kind, Options, Profile, Scene, Truth};
 use serde_json::json;
 
@@ -13,8 +14,9 @@ use super::{Context, Interrupted, Outcome, Usage};
 Examples: lenslet simulate --out sim
           lenslet simulate --scene chart --sensor 1640 --size 540 --noise 0 --out chart
           lenslet simulate --photo wall.jpg print.jpg --out photos
+          lenslet simulate --camera lytro-illum --out illum
 
-Writes capture.lfp, white-00.lfp ..., and truth/: centres.npy (N x 2: x, y in sensor pixels, pixel centres at integers),
+Writes capture.lfp (capture.lfr where the camera puts a white image into it), white-00.lfp ..., and truth/: centres.npy (N x 2: x, y in sensor pixels, pixel centres at integers),
 views/ (a light field), disparity.npy (central view, output pixels per view step: a point at x in the central view is
 at x + D*u in view u), scene.json (camera, scene, and where the charts' elements are).
 A scene's detail is drawn in lenslet pitches, so a small sensor sees a smaller piece at the same detail.")]
@@ -34,9 +36,12 @@ pub struct Args {
     /// Seed of lenslet errors, noise and pictures
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
-    /// Side of the sensor in pixels, even
-    #[arg(long, default_value_t = 3280, value_name = "N")]
-    sensor: usize,
+    /// Camera profile (lytro-f01, lytro-illum, or a TOML file): sensor, filters, levels, lenslets, colours
+    #[arg(long, default_value = "lytro-f01", value_name = "NAME")]
+    camera: String,
+    /// Sides of the sensor in pixels, even: N or WIDTHxHEIGHT [default: the camera's]
+    #[arg(long, value_name = "N", value_parser = parse_sides)]
+    sensor: Option<(usize, usize)>,
     /// Longer side of the truth views in pixels
     #[arg(long, default_value_t = 1080, value_name = "N")]
     size: usize,
@@ -49,15 +54,15 @@ pub struct Args {
     /// Largest disparity of the scene in lenslet pitches per sensor pixel [default: 0.3; chart 0.15; colour, flat, one photo 0]
     #[arg(long, value_name = "D", allow_negative_numbers = true)]
     disparity: Option<f64>,
-    /// Lenslet pitch in sensor pixels
-    #[arg(long, default_value_t = Camera::default().pitch, value_name = "PIXELS")]
-    pitch: f64,
+    /// Lenslet pitch in sensor pixels [default: the camera's]
+    #[arg(long, value_name = "PIXELS")]
+    pitch: Option<f64>,
     /// Rotation of the lattice in radians, positive = clockwise on screen
     #[arg(long, default_value_t = Camera::default().rotation, value_name = "RADIANS", allow_negative_numbers = true)]
     rotation: f64,
-    /// Row distance over its ideal
-    #[arg(long, default_value_t = Camera::default().row_stretch, value_name = "RATIO")]
-    row_stretch: f64,
+    /// Row distance over its ideal [default: the camera's]
+    #[arg(long, value_name = "RATIO")]
+    row_stretch: Option<f64>,
     /// Lenslet (0, 0) minus the sensor's centre, pixels
     #[arg(long, value_name = "X,Y", default_value = "2.37,-1.61", allow_hyphen_values = true, value_parser = parse_offset)]
     offset: [f64; 2],
@@ -81,6 +86,15 @@ pub struct Args {
     whites: usize,
 }
 
+/// `n` or `width x height`.
+fn parse_sides(text: &str) -> Result<(usize, usize), String> {
+    let side = |t: &str| t.parse().map_err(|_| format!("`{text}` is neither N nor WIDTHxHEIGHT"));
+    match text.split_once('x') {
+        Some((w, h)) => Ok((side(w)?, side(h)?)),
+        None => side(text).map(|n| (n, n)),
+    }
+}
+
 /// `x,y` as two numbers.
 fn parse_offset(text: &str) -> Result<[f64; 2], String> {
     let bad = || format!("`{text}` is not X,Y");
@@ -97,12 +111,21 @@ pub fn sorted(error: simulate::Error) -> anyhow::Error {
     }
 }
 
+/// The camera of a profile; the F01 is the one whose figures were measured.
+fn camera(name: &str) -> anyhow::Result<Camera> {
+    if name == "lytro-f01" {
+        return Ok(Camera::default());
+    }
+    Ok(Camera::of_profile(&container::profile(name)?))
+}
+
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
+    let like = camera(&args.camera)?;
     let camera = Camera {
-        sensor: (args.sensor, args.sensor),
-        pitch: args.pitch,
+        sensor: args.sensor.unwrap_or(like.sensor),
+        pitch: args.pitch.unwrap_or(like.pitch),
         rotation: args.rotation,
-        row_stretch: args.row_stretch,
+        row_stretch: args.row_stretch.unwrap_or(like.row_stretch),
         offset: args.offset,
         jitter: args.jitter,
         profile: match args.profile.as_str() {
@@ -111,7 +134,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         },
         vignetting: args.vignetting,
         psf: args.psf,
-        ..Camera::default()
+        ..like
     };
     let options = Options { seed: args.seed, noise: args.noise, whites: args.whites };
     let truth = Truth { views: args.views, view_step: args.view_step, size: args.size };
@@ -130,22 +153,32 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let simulation = simulate::render(&scene, &camera, &options, observer).map_err(sorted)?;
     simulate::write(&args.out, &scene, &camera, &options, &simulation, &truth, args.force, observer).map_err(sorted)?;
     let out = args.out.display();
+    let (width, height) = camera.sensor;
+    let inside = simulation.capture.white.is_some();
+    let name = simulate::capture_name(&camera);
+    let next = if inside {
+        format!("lenslet decode {out}/{name} --out {out}/views.lf")
+    } else {
+        format!("lenslet calibrate {out}/white-*.lfp --out {out}/camera.calib")
+    };
     Ok(Outcome {
         text: format!(
-            "{out}: scene {}, {}x{} sensor, {} lenslets, {} white images, {n}x{n} truth views\nnext: lenslet calibrate {out}/white-*.lfp --out {out}/camera.calib",
+            "{out}: scene {}, {width}x{height} sensor, {} lenslets, {} white images{}, {n}x{n} truth views\nnext: {next}",
             scene.name,
-            args.sensor,
-            args.sensor,
             simulation.centres.len(),
             simulation.whites.len(),
+            if inside { " and one inside the capture" } else { "" },
             n = args.views,
         ),
         json: json!({
             "out": args.out,
+            "capture": name,
             "scene": scene.name,
-            "sensor": [args.sensor, args.sensor],
+            "camera": args.camera,
+            "sensor": [width, height],
             "lenslets": simulation.centres.len(),
             "whites": simulation.whites.len(),
+            "white_inside": inside,
             "views": args.views,
             "largest_disparity": scene.disparity,
             "seed": args.seed,

@@ -169,7 +169,8 @@ pub fn strip(pictures: &[(String, Array3<f32>)], gap: usize, letters: usize) -> 
                 let ink = [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)]
                     .iter()
                     .filter(|(dx, dy)| {
-                        let (tx, ty) = (x as f64 + dx - 1.0, y as f64 + dy - letters as f64 * 0.5);
+                        // Half a letter from the picture's left edge.
+                        let (tx, ty) = (x as f64 + dx - letters as f64 * 0.5, y as f64 + dy - letters as f64 * 0.5);
                         lenslet_data_gen::simulate::text(tx, ty, name, letters as f64, 1.0)
                     })
                     .count() as f32;

@@ -85,6 +85,7 @@ mod tests {
             index: vec![[0, 0]; lenslets],
             views: 1,
             view_step: 1.0,
+            weights: vec![1.0],
             values: Array3::zeros((1, lenslets, 1)),
         };
         let sensor_pitch = pitch(&samples);

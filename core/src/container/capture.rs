@@ -34,6 +34,11 @@ pub fn open(path: &Path, profile: Option<&str>) -> Result<Capture, Error> {
     raw::capture(path, profile.as_ref())
 }
 
+/// Whether a file is a JPEG picture: a mosaic kept so has lost some of its colour (the filter array is the finest detail there is).
+pub fn is_jpeg(path: &Path) -> bool {
+    file::head(path, 3).is_ok_and(|head| head == [0xff, 0xd8, 0xff])
+}
+
 /// sha256 of a file's bytes, in hexadecimal.
 pub(super) fn sha256_of(bytes: &[u8]) -> String {
     format!("{:x}", Sha256::digest(bytes))

@@ -22,7 +22,7 @@ pub mod segments;
 pub mod whites;
 mod write;
 
-pub use capture::open;
+pub use capture::{is_jpeg, open};
 pub use error::Error;
 pub use lfp::{Located, locate};
 pub use profile::{Profile, profile, profiles};

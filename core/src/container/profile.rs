@@ -26,6 +26,9 @@ pub struct Profile {
     /// Model names in metadata.
     #[serde(default)]
     pub models: Vec<String>,
+    /// Whether its captures carry their white image.
+    #[serde(default)]
+    pub white_inside: bool,
     /// The sensor.
     pub sensor: Sensor,
     /// The micro-lens array, as a first guess for calibration.
@@ -55,6 +58,9 @@ pub struct Sensor {
     /// Pixel pitch in metres.
     #[serde(default)]
     pub pixel_pitch: Option<f64>,
+    /// Stops to add to the exposure bias that its files state (`modulationExposureBias`).
+    #[serde(default)]
+    pub exposure_offset: f64,
 }
 
 impl Profile {
@@ -83,6 +89,9 @@ impl Profile {
         let side = |n: usize| (16..=MAX_SIDE).contains(&n);
         if !side(self.sensor.width) || !side(self.sensor.height) {
             return Err(format!("sensor size must be 16 to {MAX_SIDE} pixels a side"));
+        }
+        if self.sensor.exposure_offset.is_nan() || self.sensor.exposure_offset.abs() > 8.0 {
+            return Err("exposure_offset must lie within 8 stops".into());
         }
         let l = self.levels();
         if !levels_ok(&l) || l.white.iter().any(|w| *w > f32::from(self.sensor.packing.max())) {

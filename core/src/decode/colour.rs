@@ -4,7 +4,7 @@ use ndarray::Array3;
 use rayon::prelude::*;
 
 use super::develop::Mosaic;
-use crate::container::Cfa;
+use crate::container::{CameraFacts, Cfa, profiles};
 
 /// Multiplies every colour of `values` (…, …, 3) by `matrix` (row-major, rows = output R, G, B).
 pub fn apply_matrix(values: &mut Array3<f32>, matrix: &[f32; 9]) {
@@ -20,6 +20,24 @@ pub fn apply_matrix(values: &mut Array3<f32>, matrix: &[f32; 9]) {
                 }
             }
         });
+    }
+}
+
+/// The exposure bias (EV) that brings a capture to the brightness its camera meant: what the file states, plus what the
+/// camera's profile says its files are off by (see `exposure_offset` there). 0 where the file states none.
+pub fn exposure_bias(camera: &CameraFacts) -> f32 {
+    let Some(stated) = camera.exposure_bias else { return 0.0 };
+    let model = camera.model.as_deref().unwrap_or_default();
+    let known = profiles().into_iter().find(|p| p.models.iter().any(|m| m.eq_ignore_ascii_case(model)));
+    let offset = known.map_or(0.0, |p| p.sensor.exposure_offset);
+    ((stated + offset) as f32).clamp(-8.0, 8.0)
+}
+
+/// Multiplies by 2^`ev`.
+pub fn brighten(values: &mut Array3<f32>, ev: f32) {
+    if ev != 0.0 {
+        let factor = ev.exp2();
+        values.mapv_inplace(|v| v * factor);
     }
 }
 

@@ -31,7 +31,7 @@ pub fn mosaic(
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Mosaic, Error> {
-    super::check(capture, calibration, options)?;
+    super::check::check(capture, calibration, options)?;
     let (width, height) = (capture.mosaic.width, capture.mosaic.height);
     let black = if options.steps.contains(&Step::BlackLevel) { capture.levels.black } else { [0.0; 4] };
     let scale: [f32; 4] = std::array::from_fn(|k| 1.0 / (capture.levels.white[k] - black[k]));

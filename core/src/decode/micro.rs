@@ -284,7 +284,7 @@ fn inverse(s: [[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
 }
 
 /// The eight lattice points around a lenslet.
-fn neighbours(lattice: &Lattice) -> Vec<[f64; 2]> {
+pub(super) fn neighbours(lattice: &Lattice) -> Vec<[f64; 2]> {
     let mut found = Vec::new();
     for j in -1..=1 {
         for i in -1..=1 {

@@ -3,9 +3,13 @@
 //! The way is a list of [`Step`]s, so that any of them can be left out or exchanged and the loss measured. Everything
 //! is linear light until the views are encoded for the screen, which happens after resampling.
 
+mod aperture;
+mod calm;
+mod check;
 pub mod colour;
 mod demosaic;
 mod develop;
+pub mod gamut;
 mod micro;
 pub mod npz;
 mod slice;
@@ -14,7 +18,7 @@ use ndarray::Array3;
 
 pub use develop::{Mosaic, mosaic};
 
-use crate::calibration::Calibration;
+use crate::calibration::{Calibration, Grid};
 use crate::container::{Capture, Cfa};
 use crate::progress::Observer;
 
@@ -31,6 +35,9 @@ pub struct HexSamples {
     pub views: usize,
     /// Sensor pixels between neighbouring views.
     pub view_step: f64,
+    /// How far each view can be relied on, 0..=1 in the order of the views: its share of the light of the best lit one, 0 where
+    /// it looks past the border of its micro-image.
+    pub weights: Vec<f32>,
     /// Values, shape (views², lenslets, channels).
     pub values: Array3<f32>,
 }
@@ -61,10 +68,18 @@ pub enum Step {
     Highlights,
     /// Three colours from one. Exactly one such step; steps before it see the mosaic, steps after it the samples.
     Demosaic(Demosaic),
+    /// Smooth the colours, not the light: for mosaics whose colours a JPEG coder damaged, and very noisy ones. Not among the
+    /// default steps.
+    CalmColours,
     /// Camera colours to linear sRGB.
     ColourMatrix,
+    /// Multiply by 2^(the exposure bias that the capture states), see [`colour::exposure_bias`].
+    ExposureBias,
     /// Multiply by 2^EV.
     Exposure(f32),
+    /// Bring colours that the screen cannot show into 0..=1, hue kept: see [`gamut`]. Without it values may lie
+    /// anywhere, as scene-linear output wants.
+    Gamut,
 }
 
 /// Where the white balance comes from.
@@ -87,17 +102,26 @@ pub struct Options {
     pub view_step: f64,
     /// Where the white balance comes from. Default: the capture.
     pub white_balance: WhiteBalance,
+    /// Move all views so that (0, 0) is the middle of the aperture, where the white image shows another than the
+    /// calibration's centres. Default: yes.
+    pub recentre: bool,
     /// The steps. Default: [`default_steps`].
     pub steps: Vec<Step>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Options { views: 7, view_step: 1.0, white_balance: WhiteBalance::Camera, steps: default_steps() }
+        Options {
+            views: 7,
+            view_step: 1.0,
+            white_balance: WhiteBalance::Camera,
+            recentre: true,
+            steps: default_steps(),
+        }
     }
 }
 
-/// All steps, in order.
+/// The usual steps, in order.
 pub fn default_steps() -> Vec<Step> {
     vec![
         Step::BlackLevel,
@@ -107,6 +131,8 @@ pub fn default_steps() -> Vec<Step> {
         Step::Highlights,
         Step::Demosaic(Demosaic::Lenslet),
         Step::ColourMatrix,
+        Step::ExposureBias,
+        Step::Gamut,
     ]
 }
 
@@ -151,7 +177,7 @@ pub enum Error {
 }
 
 /// Decodes `capture`: every view's value at every lenslet, linear light, colour-corrected RGB (grey for a sensor
-/// without colour filters). Values are nominally 0..1 (1 = a white surface in full light), not clamped.
+/// without colour filters). Values are nominally 0..1 (1 = a white surface in full light), and clamped only by [`Step::Gamut`].
 ///
 /// # Errors
 /// A calibration of another sensor size, inconsistent inputs, options out of range, interruption.
@@ -161,17 +187,20 @@ pub fn samples(
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<HexSamples, Error> {
-    check(capture, calibration, options)?;
+    check::check(capture, calibration, options)?;
     let developed = develop::mosaic(capture, calibration, options, observer)?;
     if observer.cancelled() {
         return Err(Error::Interrupted);
     }
+    let [dx, dy] = if options.recentre { aperture::middle(calibration) } else { [0.0; 2] };
+    let centres: Vec<[f64; 2]> = calibration.lenslets.iter().map(|l| [l.x + dx, l.y + dy]).collect();
     let mut samples = HexSamples {
         sensor: (calibration.width, calibration.height),
-        centres: calibration.lenslets.iter().map(|l| [l.x, l.y]).collect(),
         index: calibration.lenslets.iter().map(|l| [l.i, l.j]).collect(),
         views: options.views,
         view_step: options.view_step,
+        weights: aperture::weights(calibration, &centres, options.views, options.view_step),
+        centres,
         values: Array3::zeros((0, 0, 0)),
     };
     let kind = options.steps.iter().find_map(|s| match s {
@@ -191,10 +220,16 @@ pub fn samples(
     };
     for step in after_demosaic(&options.steps) {
         match step {
+            Step::CalmColours => {
+                let hexagonal = calibration.lattice.grid != Grid::Square;
+                calm::smooth(&mut samples.values, &samples.index, hexagonal);
+            }
             Step::ColourMatrix if capture.cfa != Cfa::Mono => {
                 colour::apply_matrix(&mut samples.values, &capture.colour.ccm)
             }
-            Step::Exposure(ev) => samples.values.mapv_inplace(|v| v * ev.exp2()),
+            Step::ExposureBias => colour::brighten(&mut samples.values, colour::exposure_bias(&capture.camera)),
+            Step::Exposure(ev) => colour::brighten(&mut samples.values, *ev),
+            Step::Gamut => gamut::fit_all(&mut samples.values),
             _ => {}
         }
     }
@@ -203,75 +238,4 @@ pub fn samples(
 
 fn after_demosaic(steps: &[Step]) -> impl Iterator<Item = &Step> {
     steps.iter().skip_while(|s| !matches!(s, Step::Demosaic(_)))
-}
-
-fn check(capture: &Capture, calibration: &Calibration, options: &Options) -> Result<(), Error> {
-    let (width, height) = (capture.mosaic.width, capture.mosaic.height);
-    if (calibration.width, calibration.height) != (width, height) {
-        return Err(Error::Mismatch { calibration: (calibration.width, calibration.height), capture: (width, height) });
-    }
-    let pixels = width.checked_mul(height).filter(|&n| n > 0 && n <= 1 << 28);
-    if pixels != Some(capture.mosaic.data.len()) || width < 8 || height < 8 {
-        return Err(Error::Capture(format!("{} values for {width}x{height} pixels", capture.mosaic.data.len())));
-    }
-    for k in 0..4 {
-        let (black, white) = (capture.levels.black[k], capture.levels.white[k]);
-        if !(black.is_finite() && white.is_finite() && white > black) {
-            return Err(Error::Capture(format!("black level {black} and white level {white} leave no range")));
-        }
-    }
-    let finite = |v: &[f32]| v.iter().all(|v| v.abs() < 1e6);
-    if !finite(&capture.colour.ccm) || !capture.colour.white_balance.iter().all(|&g| g > 0.0 && g < 1e3) {
-        return Err(Error::Capture("its white balance or colour matrix has no sensible values".into()));
-    }
-    if let Some(v) = &calibration.vignetting
-        && ((v.width, v.height) != (width, height) || Some(v.white.len()) != pixels)
-    {
-        return Err(Error::Calibration(format!(
-            "its white image is {}x{}, its sensor {width}x{height}",
-            v.width, v.height
-        )));
-    }
-    let hot = &calibration.hot_pixels;
-    if !hot.windows(2).all(|w| w[0] < w[1]) || hot.last().is_some_and(|&k| Some(k as usize) >= pixels) {
-        return Err(Error::Calibration("its hot pixels are not on its sensor, or not in order".into()));
-    }
-    if calibration.lenslets.is_empty() || u32::try_from(calibration.lenslets.len()).is_err() {
-        return Err(Error::Calibration(format!("it has {} lenslets", calibration.lenslets.len())));
-    }
-    let near = |l: &crate::calibration::Lenslet| {
-        (-64.0..width as f64 + 64.0).contains(&l.x) && (-64.0..height as f64 + 64.0).contains(&l.y)
-    };
-    if !calibration.lenslets.iter().all(near) {
-        return Err(Error::Calibration("it has a lenslet far off the sensor".into()));
-    }
-    if options.views.is_multiple_of(2) || options.views > 15 {
-        return Err(Error::Parameter(format!("{0}x{0} views: the number must be odd, 1 to 15", options.views)));
-    }
-    if !(options.view_step > 0.0 && options.view_step <= 4.0) {
-        return Err(Error::Parameter(format!(
-            "a view step of {} pixels: it must be above 0, up to 4",
-            options.view_step
-        )));
-    }
-    let kinds = options.steps.iter().filter(|s| matches!(s, Step::Demosaic(_))).count();
-    let mut early = options.steps.iter().take_while(|s| !matches!(s, Step::Demosaic(_)));
-    if kinds != 1 || early.any(|s| matches!(s, Step::ColourMatrix | Step::Exposure(_))) {
-        return Err(Error::Parameter(
-            "the steps need exactly one demosaic, and colour matrix and exposure come after it".into(),
-        ));
-    }
-    let mut late = after_demosaic(&options.steps).skip(1);
-    if late.any(|s| !matches!(s, Step::ColourMatrix | Step::Exposure(_))) {
-        return Err(Error::Parameter("after the demosaic only colour matrix and exposure can follow".into()));
-    }
-    if options.steps.iter().any(|s| matches!(s, Step::Exposure(ev) if !(-32.0..=32.0).contains(ev))) {
-        return Err(Error::Parameter("the exposure must be within 32 EV".into()));
-    }
-    if let WhiteBalance::Gains(gains) = options.white_balance
-        && !gains.iter().all(|&g| g > 0.0 && g < 1e3)
-    {
-        return Err(Error::Parameter(format!("white balance {gains:?}: each gain must be above 0, below 1000")));
-    }
-    Ok(())
 }

@@ -1,7 +1,8 @@
 //! `samples.npz`: what was measured, kept beside the views so that later steps can go back to it.
 //!
 //! A NumPy archive (zip, nothing compressed) of `values` f32 (views², lenslets, channels), `centres` f64 (lenslets, 2; x, y),
-//! `index` i32 (lenslets, 2; i, j), `offsets` f64 (views², 2; u, v in sensor pixels) and `sensor` i32 (2; width, height).
+//! `index` i32 (lenslets, 2; i, j), `offsets` f64 (views², 2; u, v in sensor pixels), `sensor` i32 (2; width, height) and
+//! `weights` f32 (views²; how far each view can be relied on, 1 where an older file does not say).
 
 use std::fs::File;
 use std::io::{BufWriter, Read, Seek, SeekFrom, Write};
@@ -15,7 +16,7 @@ use crate::output::Pending;
 
 /// Name of the file inside a light field's directory.
 pub const SAMPLES: &str = "samples.npz";
-const NAMES: [&str; 5] = ["values", "centres", "index", "offsets", "sensor"];
+const NAMES: [&str; 6] = ["values", "centres", "index", "offsets", "sensor", "weights"];
 /// A .npy of format 1.0 begins so.
 const MAGIC: &[u8] = b"\x93NUMPY\x01\x00";
 const LOCAL: u32 = 0x0403_4b50;
@@ -54,7 +55,7 @@ fn put(mut out: impl Write, samples: &HexSamples) -> std::io::Result<()> {
     let (views, _, channels) = samples.values.dim();
     let mut values = Vec::with_capacity(4 * samples.values.len());
     values.extend(samples.values.iter().flat_map(|v| v.to_le_bytes()));
-    let parts: [(Vec<u8>, Vec<u8>); 5] = [
+    let parts: [(Vec<u8>, Vec<u8>); 6] = [
         (head("<f4", &[views, lenslets, channels]), values),
         (head("<f8", &[lenslets, 2]), samples.centres.iter().flatten().flat_map(|v| v.to_le_bytes()).collect()),
         (head("<i4", &[lenslets, 2]), samples.index.iter().flatten().flat_map(|v| v.to_le_bytes()).collect()),
@@ -63,6 +64,7 @@ fn put(mut out: impl Write, samples: &HexSamples) -> std::io::Result<()> {
             head("<i4", &[2]),
             [samples.sensor.0, samples.sensor.1].iter().flat_map(|&v| (v as i32).to_le_bytes()).collect(),
         ),
+        (head("<f4", &[samples.weights.len()]), samples.weights.iter().flat_map(|v| v.to_le_bytes()).collect()),
     ];
     let mut directory = Vec::new();
     let mut at = 0u64;
@@ -143,6 +145,10 @@ pub fn load(path: &Path) -> Result<HexSamples, Error> {
     let (index_shape, index) = array("index", "<i4")?;
     let (offset_shape, offsets) = array("offsets", "<f8")?;
     let (sensor_shape, sensor) = array("sensor", "<i4")?;
+    let weights = match parts.iter().any(|m| m.name == "weights.npy") {
+        true => Some(array("weights", "<f4")?),
+        false => None,
+    };
     let disagree = || failed(path, "its arrays do not fit each other");
     let &[views, lenslets, channels] = &shape[..] else { return Err(disagree()) };
     let n = views.isqrt();
@@ -152,19 +158,25 @@ pub fn load(path: &Path) -> Result<HexSamples, Error> {
         && centre_shape == [lenslets, 2]
         && index_shape == [lenslets, 2]
         && offset_shape == [views, 2]
-        && sensor_shape == [2];
+        && sensor_shape == [2]
+        && weights.as_ref().is_none_or(|(shape, _)| *shape == [views]);
     if !fits {
         return Err(disagree());
     }
     let f64s = |b: &[u8]| -> Vec<f64> { b.as_chunks().0.iter().map(|&c| f64::from_le_bytes(c)).collect() };
     let i32s = |b: &[u8]| -> Vec<i32> { b.as_chunks().0.iter().map(|&c| i32::from_le_bytes(c)).collect() };
-    let values: Vec<f32> = values.as_chunks().0.iter().map(|&c| f32::from_le_bytes(c)).collect();
+    let f32s = |b: &[u8]| -> Vec<f32> { b.as_chunks().0.iter().map(|&c| f32::from_le_bytes(c)).collect() };
+    let values = f32s(&values);
+    let weights = weights.map_or_else(|| vec![1.0; views], |(_, bytes)| f32s(&bytes));
     let (centres, index, offsets, sensor) = (f64s(&centres), i32s(&index), f64s(&offsets), i32s(&sensor));
     // The first view stands at −(n/2)·step; a single view says nothing of the step.
     let view_step = if n > 1 { -offsets[0] / (n / 2) as f64 } else { 1.0 };
     let side = |v: i32| usize::try_from(v).ok().filter(|&v| v > 0 && v <= 1 << 20);
     let (Some(width), Some(height)) = (side(sensor[0]), side(sensor[1])) else { return Err(disagree()) };
-    let sane = view_step > 0.0 && view_step < 1e3 && centres.iter().all(|c| c.abs() < 1e9);
+    let sane = view_step > 0.0
+        && view_step < 1e3
+        && centres.iter().all(|c| c.abs() < 1e9)
+        && weights.iter().all(|w| (0.0..=1.0).contains(w));
     if !sane {
         return Err(disagree());
     }
@@ -174,6 +186,7 @@ pub fn load(path: &Path) -> Result<HexSamples, Error> {
         index: index.as_chunks().0.to_vec(),
         views: n,
         view_step,
+        weights,
         values: Array3::from_shape_vec((views, lenslets, channels), values).map_err(|_| disagree())?,
     })
 }
@@ -282,6 +295,7 @@ mod tests {
             index: vec![[0, 0], [1, 0], [0, 1]],
             views: 3,
             view_step: 1.25,
+            weights: (0..9).map(|k| 1.0 - 0.125 * (k as f32 - 4.0).abs()).collect(),
             values: Array3::from_shape_fn((9, 3, 3), |(v, k, c)| v as f32 - 0.1 * k as f32 + 0.01 * c as f32),
         }
     }

@@ -1,54 +1,35 @@
 //! Lenslet pictures (ESLF): the views interleaved, pixel (t, s) of view (v, u) at row `t·V + v`, column `s·U + u`.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use ndarray::Array3;
 
 use super::image_file;
-use super::strided::{Layout, Strided};
-use super::{ColourSpace, Error, Meta, ReadOptions, ViewSink, ViewSource, io_at, malformed, unsupported};
+use super::strided::{Layout, Strided, Whole};
+use super::{ColourSpace, Error, Meta, ReadOptions, ViewSink, io_at, malformed, unsupported};
 use crate::output::Pending;
 
 /// Most values of such a picture; 2 GiB at 16 bits.
 const MAX_VALUES: usize = 1 << 30;
 
 /// Reads a lenslet picture, kept in memory as stored.
-pub(super) struct Reader {
-    path: PathBuf,
-    meta: Meta,
-    block: Strided,
-}
-
-impl Reader {
-    pub(super) fn open(path: &Path, views: [usize; 2], options: &ReadOptions) -> Result<Self, Error> {
-        let shape = image_file::shape_within(path, MAX_VALUES)?;
-        let [rows, columns] = views;
-        // What does not fill a lenslet at the right and bottom edge is left out.
-        let size = [shape.height / rows.max(1), shape.width / columns.max(1)];
-        let colour = options.colour.unwrap_or(ColourSpace::Srgb);
-        let meta = Meta::new(views, size, shape.channels, colour);
-        meta.check().map_err(|e| malformed(path, format!("no lenslet picture of {rows}x{columns} views: {e}")))?;
-        let (bytes, number, channels) = image_file::read_stored(path, MAX_VALUES)?;
-        let line = shape.width * channels;
-        let layout = Layout {
-            strides: [line, channels, rows * line, columns * channels, 1],
-            number,
-            scale: number.kind.full_scale().unwrap_or(1.0),
-        };
-        Ok(Reader { path: path.to_path_buf(), meta, block: Strided::new(bytes, layout) })
-    }
-}
-
-impl ViewSource for Reader {
-    fn meta(&self) -> &Meta {
-        &self.meta
-    }
-
-    fn read(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {
-        super::check_place(&self.meta, v, u)?;
-        super::finite(&self.path, v, u, self.block.view(v, u, self.meta.view_shape()))
-    }
+pub(super) fn open(path: &Path, views: [usize; 2], options: &ReadOptions) -> Result<Whole, Error> {
+    let shape = image_file::shape_within(path, MAX_VALUES)?;
+    let [rows, columns] = views;
+    // What does not fill a lenslet at the right and bottom edge is left out.
+    let size = [shape.height / rows.max(1), shape.width / columns.max(1)];
+    let colour = options.colour.unwrap_or(ColourSpace::Srgb);
+    let meta = Meta::new(views, size, shape.channels, colour);
+    meta.check().map_err(|e| malformed(path, format!("no lenslet picture of {rows}x{columns} views: {e}")))?;
+    let (bytes, number, channels) = image_file::read_stored(path, MAX_VALUES)?;
+    let line = shape.width * channels;
+    let layout = Layout {
+        strides: [line, channels, rows * line, columns * channels, 1],
+        number,
+        scale: number.kind.full_scale().unwrap_or(1.0),
+    };
+    Ok(Whole::new(path, meta, Strided::new(bytes, layout)))
 }
 
 /// Writes a lenslet picture, 16 bit; its pixels stay in memory until it is finished.

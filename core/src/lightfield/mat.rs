@@ -5,14 +5,14 @@
 
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Read, Seek, SeekFrom, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use flate2::read::ZlibDecoder;
 use ndarray::Array3;
 
 use super::number::{Kind, Number};
-use super::strided::{Layout, Strided};
-use super::{ColourSpace, Error, Meta, ReadOptions, ViewSink, ViewSource, io_at, malformed, unsupported};
+use super::strided::{Layout, Strided, Whole};
+use super::{ColourSpace, Error, Meta, ReadOptions, ViewSink, io_at, malformed, unsupported};
 use crate::output::Pending;
 
 /// First bytes of a level 5 file.
@@ -37,7 +37,7 @@ const MI_SINGLE: u32 = 7;
 const CLASS_SINGLE: u8 = 7;
 const COMPLEX: u8 = 0x08;
 
-/// Refuses, with the way out, what [`Reader`] cannot read although it is a MATLAB file. `head`: the first bytes.
+/// Refuses, with the way out, what [`open`] cannot read although it is a MATLAB file. `head`: the first bytes.
 pub(super) fn refuse_level_73(path: &Path, head: &[u8]) -> Result<(), Error> {
     let hdf5 = head.starts_with(MAGIC_HDF5) || head.get(512..).is_some_and(|h| h.starts_with(MAGIC_HDF5));
     if hdf5 || head.starts_with(MAGIC_73) {
@@ -68,65 +68,46 @@ struct Place {
 }
 
 /// Reads the light field of a MATLAB file, kept in memory as stored.
-pub(super) struct Reader {
-    path: PathBuf,
-    meta: Meta,
-    block: Strided,
-}
-
-impl Reader {
-    pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Self, Error> {
-        let mut file = File::open(path).map_err(io_at(path))?;
-        let length = file.metadata().map_err(io_at(path))?.len();
-        let big = endian(&mut file, path)?;
-        let (place, array) = find(&mut file, path, length, big)?;
-        let bad = |what: String| unsupported(path, format!("variable {}: {what}", array.name));
-        if array.complex {
-            return Err(bad("complex numbers".into()));
-        }
-        let Some(scale) = full_scale(array.class) else {
-            return Err(bad("its numbers are of a type with no agreed meaning; save it as single or uint16".into()));
-        };
-        let side = |i: usize| usize::try_from(array.dims.get(i).copied().unwrap_or(1)).unwrap_or(usize::MAX);
-        let stored = side(4);
-        if array.dims.len() > 5 || !matches!(stored, 1 | 3 | 4) {
-            return Err(bad(format!("shape {:?} is not (v, u, t, s, c) with c = 1, 3 or 4", array.dims)));
-        }
-        let colour = options.colour.unwrap_or(ColourSpace::Srgb);
-        let channels = if stored == 4 { 3 } else { stored };
-        let meta = Meta::new([side(0), side(1)], [side(2), side(3)], channels, colour);
-        meta.check().map_err(|e| bad(e.to_string()))?;
-        // Meta::check bounds every factor, so the products stay far below 2^64.
-        let mut strides = [1; 5];
-        for i in 1..5 {
-            strides[i] = strides[i - 1] * side(i - 1);
-        }
-        let values = (strides[4] * stored) as u64;
-        let expected = values * array.stored.kind.bytes() as u64;
-        if array.bytes != expected {
-            return Err(malformed(
-                path,
-                format!("variable {} has {} bytes, its shape asks for {expected}", array.name, array.bytes),
-            ));
-        }
-        if expected > MAX_ARRAY {
-            return Err(bad(format!("{} MiB are too many", expected >> 20)));
-        }
-        let bytes = data(&mut file, path, place, big, expected)?;
-        let block = Strided::new(bytes, Layout { strides, number: array.stored, scale });
-        Ok(Reader { path: path.to_path_buf(), meta, block })
+pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Whole, Error> {
+    let mut file = File::open(path).map_err(io_at(path))?;
+    let length = file.metadata().map_err(io_at(path))?.len();
+    let big = endian(&mut file, path)?;
+    let (place, array) = find(&mut file, path, length, big)?;
+    let bad = |what: String| unsupported(path, format!("variable {}: {what}", array.name));
+    if array.complex {
+        return Err(bad("complex numbers".into()));
     }
-}
-
-impl ViewSource for Reader {
-    fn meta(&self) -> &Meta {
-        &self.meta
+    let Some(scale) = full_scale(array.class) else {
+        return Err(bad("its numbers are of a type with no agreed meaning; save it as single or uint16".into()));
+    };
+    let side = |i: usize| usize::try_from(array.dims.get(i).copied().unwrap_or(1)).unwrap_or(usize::MAX);
+    let stored = side(4);
+    if array.dims.len() > 5 || !matches!(stored, 1 | 3 | 4) {
+        return Err(bad(format!("shape {:?} is not (v, u, t, s, c) with c = 1, 3 or 4", array.dims)));
     }
-
-    fn read(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {
-        super::check_place(&self.meta, v, u)?;
-        super::finite(&self.path, v, u, self.block.view(v, u, self.meta.view_shape()))
+    let colour = options.colour.unwrap_or(ColourSpace::Srgb);
+    let channels = if stored == 4 { 3 } else { stored };
+    let meta = Meta::new([side(0), side(1)], [side(2), side(3)], channels, colour);
+    meta.check().map_err(|e| bad(e.to_string()))?;
+    // Meta::check bounds every factor, so the products stay far below 2^64.
+    let mut strides = [1; 5];
+    for i in 1..5 {
+        strides[i] = strides[i - 1] * side(i - 1);
     }
+    let values = (strides[4] * stored) as u64;
+    let expected = values * array.stored.kind.bytes() as u64;
+    if array.bytes != expected {
+        return Err(malformed(
+            path,
+            format!("variable {} has {} bytes, its shape asks for {expected}", array.name, array.bytes),
+        ));
+    }
+    if expected > MAX_ARRAY {
+        return Err(bad(format!("{} MiB are too many", expected >> 20)));
+    }
+    let bytes = data(&mut file, path, place, big, expected)?;
+    let block = Strided::new(bytes, Layout { strides, number: array.stored, scale });
+    Ok(Whole::new(path, meta, block))
 }
 
 /// Checks the file's header; true for big-endian numbers.

@@ -55,6 +55,9 @@ pub struct Meta {
     /// Rotation of that lattice, radians.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rotation: Option<f64>,
+    /// How far each view can be relied on, 0..=1, row by row: its share of the light of the best lit one, where known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub weights: Option<Vec<f32>>,
     /// Resampling method that made the views.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub method: Option<String>,
@@ -74,6 +77,7 @@ impl Meta {
             colour,
             pitch: None,
             rotation: None,
+            weights: None,
             method: None,
             provenance: Vec::new(),
         }
@@ -96,6 +100,16 @@ impl Meta {
         }
         if self.channels != 1 && self.channels != 3 {
             return bad(format!("{} channels: only 1 or 3 can be", self.channels));
+        }
+        if let Some(w) = &self.weights
+            && (w.len() != self.views[0] * self.views[1] || !w.iter().all(|w| (0.0..=1.0).contains(w)))
+        {
+            return bad(format!(
+                "{} weights for {}x{} views, or some not 0 to 1",
+                w.len(),
+                self.views[0],
+                self.views[1]
+            ));
         }
         // The limits above keep this product far below the range of usize.
         if self.size[0] * self.size[1] * self.channels > MAX_VIEW_VALUES {
@@ -223,10 +237,10 @@ pub fn open(path: &Path, options: &ReadOptions) -> Result<Box<dyn ViewSource>, E
     }
     mat::refuse_level_73(path, &head)?;
     if head.starts_with(mat::MAGIC) {
-        return Ok(Box::new(mat::Reader::open(path, options)?));
+        return Ok(Box::new(mat::open(path, options)?));
     }
     Ok(match options.views {
-        Some(views) => Box::new(eslf::Reader::open(path, views, options)?),
+        Some(views) => Box::new(eslf::open(path, views, options)?),
         None => Box::new(image_file::Single::open(path, options)?),
     })
 }

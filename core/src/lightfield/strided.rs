@@ -2,12 +2,12 @@
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use ndarray::Array3;
 
 use super::number::Number;
-use super::{Error, io_at, unsupported};
+use super::{Error, Meta, ViewSource, io_at, unsupported};
 
 /// Largest block held in memory, bytes.
 const MAX_BLOCK: u64 = 4 << 30;
@@ -62,5 +62,30 @@ impl Strided {
             let at = width * (origin + t * strides[2] + s * strides[3] + c * strides[4]);
             self.bytes.get(at..at + width).map_or(0.0, |b| (number.read(b) / f64::from(scale)) as f32)
         })
+    }
+}
+
+/// A light field that is one block in memory.
+pub(super) struct Whole {
+    path: PathBuf,
+    meta: Meta,
+    block: Strided,
+}
+
+impl Whole {
+    /// A light field of the file `path`; `block` holds what `meta` says.
+    pub(super) fn new(path: &Path, meta: Meta, block: Strided) -> Self {
+        Whole { path: path.to_path_buf(), meta, block }
+    }
+}
+
+impl ViewSource for Whole {
+    fn meta(&self) -> &Meta {
+        &self.meta
+    }
+
+    fn read(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {
+        super::check_place(&self.meta, v, u)?;
+        super::finite(&self.path, v, u, self.block.view(v, u, self.meta.view_shape()))
     }
 }

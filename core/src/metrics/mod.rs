@@ -3,11 +3,13 @@
 
 pub mod align;
 mod consistency;
+mod difference;
 mod edge;
 mod pattern;
 mod ssim;
 
 pub use consistency::consistency;
+pub use difference::{delta_e_2000, lab};
 pub use edge::{Edge, slanted_edge};
 pub use pattern::{Pattern, pattern};
 pub use ssim::{Window, ssim, ssim_map_plain};

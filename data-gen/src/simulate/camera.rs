@@ -6,7 +6,7 @@
 //! The light at distance r from the centre, in half pitches, is
 //! `max(floor, 1 − falloff·r²)` (parabolic) or `floor + (1 − floor)·exp(−r²/(2 sigma²))` (Gaussian).
 
-use lenslet_core::container::ColourFacts;
+use lenslet_core::container::{Cfa, ColourFacts, Profile as Model};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};
@@ -60,6 +60,16 @@ pub struct Camera {
     pub colour: ColourFacts,
     /// Share of full scale that R, G, B of a white image reach (its light is not the scene's).
     pub white_response: [f64; 3],
+    /// Colour filters.
+    pub cfa: Cfa,
+    /// Black and saturation (DN), 0 <= black < saturation <= 65535.
+    pub levels: [u16; 2],
+    /// Model, as its metadata says.
+    pub model: String,
+    /// Exposure bias its metadata states (EV).
+    pub exposure_bias: f64,
+    /// Whether its captures carry a white image.
+    pub white_inside: bool,
 }
 
 impl Default for Camera {
@@ -85,6 +95,11 @@ impl Default for Camera {
                 gamma: Some(0.416_66),
             },
             white_response: [0.69, 0.9, 0.67],
+            cfa: Cfa::Bggr,
+            levels: [168, 4095],
+            model: "F01".to_owned(),
+            exposure_bias: -1.0,
+            white_inside: false,
         }
     }
 }
@@ -93,6 +108,27 @@ impl Camera {
     /// The default camera with another sensor and a pitch that keeps everything else in proportion.
     pub fn with_sensor(side: usize) -> Camera {
         Camera { sensor: (side, side), ..Camera::default() }
+    }
+
+    /// A camera with the sensor, lenslets and colours of a profile; the rest is that of [`Camera::default`].
+    pub fn of_profile(profile: &Model) -> Camera {
+        let usual = Camera::default();
+        let sensor = &profile.sensor;
+        let mla = profile.lenslets.as_ref();
+        Camera {
+            sensor: (sensor.width, sensor.height),
+            pitch: mla.map_or(usual.pitch, |m| m.pitch),
+            row_stretch: mla.map_or(usual.row_stretch, |m| m.row_stretch),
+            colour: profile.colour(),
+            cfa: sensor.cfa,
+            // A profile's levels lie within what its packing holds.
+            levels: [sensor.black[1] as u16, sensor.white[1] as u16],
+            model: profile.models.first().cloned().unwrap_or_default(),
+            // What brings captures to the brightness they were taken with.
+            exposure_bias: -sensor.exposure_offset,
+            white_inside: profile.white_inside,
+            ..usual
+        }
     }
 
     /// Refuses what cannot be simulated.
@@ -131,6 +167,11 @@ impl Camera {
         match self.profile {
             Profile::Parabolic { falloff } => within("the falloff", falloff, 0.0, 1.0)?,
             Profile::Gaussian { sigma } => within("the profile's sigma", sigma, 0.05, 10.0)?,
+        }
+        if self.levels[0] >= self.levels[1] || self.cfa == Cfa::Mono {
+            return Err(Error::Parameter(
+                "the sensor needs colour filters and a black level below saturation".to_owned(),
+            ));
         }
         for response in self.white_response {
             within("the white response", response, 0.01, 1.0)?;
@@ -370,6 +411,7 @@ mod tests {
             Camera { jitter: 3.0, ..Camera::default() },
             Camera { rotation: 1.0, ..Camera::default() },
             Camera { footprint: 0.0, ..Camera::default() },
+            Camera { levels: [1023, 1023], ..Camera::default() },
             Camera { colour: ColourFacts { ccm: [0.0; 9], ..Camera::default().colour }, ..Camera::default() },
         ] {
             assert!(matches!(Lenslets::new(&bad, 0), Err(Error::Parameter(_))), "{bad:?}");

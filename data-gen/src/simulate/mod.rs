@@ -30,9 +30,9 @@ pub use draw::text;
 pub use layer::{Bounds, Layer, Paint, Sheet};
 pub use photo::photos;
 pub use scene::{Frame, Kind, Plan, Region, Scene};
-pub use sensor::{BLACK, expose, expose_white, record, white_pattern};
+pub use sensor::{expose, expose_white, record, white_pattern};
 pub use truth::{disparity, offset, output_size, view};
-pub use write::{Truth, write};
+pub use write::{Truth, capture_name, write};
 
 /// What goes wrong in a simulation.
 #[derive(Debug, thiserror::Error)]
@@ -109,7 +109,7 @@ impl Options {
 pub struct Simulation {
     /// The capture of the scene.
     pub capture: Capture,
-    /// White images of the same camera.
+    /// White images of the same camera, without the one that the capture carries.
     pub whites: Vec<Capture>,
     /// True lenslet centres (x, y) on the sensor, row by row.
     pub centres: Vec<[f64; 2]>,
@@ -124,11 +124,14 @@ pub fn render(scene: &Scene, camera: &Camera, options: &Options, observer: &dyn 
     let lenslets = Lenslets::new(camera, options.seed)?;
     let pattern = white_pattern(camera, &lenslets);
     let signal = expose(camera, &lenslets, scene, &pattern, observer)?;
-    let capture = facts(camera, record(&signal, camera.sensor, options.noise, options.seed, 0), false);
+    let mut capture = facts(camera, record(&signal, camera, options.noise, options.seed, 0), false);
     let white = expose_white(camera, &pattern);
-    let whites = (0..options.whites)
-        .map(|k| facts(camera, record(&white, camera.sensor, options.noise, options.seed, k as u32 + 1), true))
+    let mut whites: Vec<Capture> = (0..options.whites)
+        .map(|k| facts(camera, record(&white, camera, options.noise, options.seed, k as u32 + 1), true))
         .collect();
+    if camera.white_inside && !whites.is_empty() {
+        capture.white = Some(Box::new(whites.remove(0)));
+    }
     Ok(Simulation { capture, whites, centres: lenslets.on_sensor() })
 }
 
@@ -137,18 +140,18 @@ fn facts(camera: &Camera, mosaic: lenslet_core::container::RawMosaic, white: boo
     let response = camera.white_response.map(|r| (r / camera.white_response[1]) as f32);
     Capture {
         mosaic,
-        cfa: sensor::CFA,
-        levels: Levels { black: [sensor::BLACK; 4], white: [sensor::WHITE; 4] },
+        cfa: camera.cfa,
+        levels: Levels { black: [f32::from(camera.levels[0]); 4], white: [f32::from(camera.levels[1]); 4] },
         colour: camera.colour.clone(),
         camera: CameraFacts {
             make: Some("Lytro, Inc.".to_owned()),
-            model: Some("F01".to_owned()),
+            model: Some(camera.model.clone()),
             serial: Some("SIMULATED".to_owned()),
             zoom_step: Some(600),
             focus_step: Some(500),
             iso: Some(100.0),
             exposure_seconds: Some(0.01),
-            exposure_bias: Some(0.0),
+            exposure_bias: Some(if white { 0.0 } else { camera.exposure_bias }),
             normalized_response: white.then_some([response[0], response[1], response[1], response[2]]),
             white_ref: None,
         },

@@ -1,11 +1,11 @@
-//! What the sensor records: the white pattern, the scene through it, mosaic, noise, 12 bits.
+//! What the sensor records: the white pattern, the scene through it, mosaic, noise, digital numbers.
 //!
 //! white(p) = field(p) · (light ⊛ pixel ⊛ optical blur)(p), scaled so that a lenslet centre in the middle of the field is 1.
 //! scene(p) = the scene's colour averaged over the pixel's and the blur's extent (a 3×3 Gauss–Hermite rule), each position
 //! seen by its nearest lenslet at c under offset p − c and weighed with its light. Recorded is
 //! black + (white − black)·white(p)·response(colour filter)·scene(p), plus normal noise of variance K²·signal + 9K² (DN).
 
-use lenslet_core::container::{Cfa, RawMosaic};
+use lenslet_core::container::RawMosaic;
 use lenslet_core::progress::Observer;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
@@ -14,13 +14,6 @@ use rayon::prelude::*;
 use super::Error;
 use super::camera::{Camera, Lenslets, normal};
 use super::scene::Scene;
-
-/// Black level of every simulated pixel (DN).
-pub const BLACK: f32 = 168.0;
-/// Saturation of every simulated pixel (DN).
-pub const WHITE: f32 = 4095.0;
-/// Colour filters, those of the F01.
-pub const CFA: Cfa = Cfa::Bggr;
 
 /// The light on every pixel under an even white scene, 1 at the brightest lenslet centres; row-major.
 pub fn white_pattern(camera: &Camera, lenslets: &Lenslets) -> Vec<f32> {
@@ -117,7 +110,7 @@ pub fn expose(
                     total += weight;
                 }
             }
-            let response = responses[CFA.plane(x, y)];
+            let response = responses[camera.cfa.plane(x, y)];
             let seen = (response[0] * sum[0] + response[1] * sum[1] + response[2] * sum[2]) / total.max(1e-6);
             *value *= seen;
         }
@@ -132,16 +125,20 @@ pub fn expose_white(camera: &Camera, pattern: &[f32]) -> Vec<f32> {
     let mut signal = pattern.to_vec();
     signal.par_chunks_mut(w).enumerate().for_each(|(y, line)| {
         for (x, value) in line.iter_mut().enumerate() {
-            *value *= camera.white_response[CFA.colour(x, y)] as f32;
+            *value *= camera.white_response[camera.cfa.colour(x, y)] as f32;
         }
     });
     signal
 }
 
 /// Shares of full scale → digital numbers, with noise of strength `noise` (0: none; 1: one electron a DN and 3 DN of read
-/// noise). The noise depends on `seed`, `frame` and the row only, not on threads.
-pub fn record(signal: &[f32], sensor: (usize, usize), noise: f64, seed: u64, frame: u32) -> RawMosaic {
-    let (w, h) = sensor;
+/// noise of a sensor that saturates at 4095 DN, less in proportion for others). The noise depends on `seed`, `frame` and the
+/// row only, not on threads.
+pub fn record(signal: &[f32], camera: &Camera, noise: f64, seed: u64, frame: u32) -> RawMosaic {
+    let (w, h) = camera.sensor;
+    let [black, white] = camera.levels.map(f64::from);
+    // What one of the 4095 steps of a 12-bit sensor is here.
+    let unit = (white - black) / (4095.0 - 168.0);
     let mut data = vec![0u16; w * h];
     data.par_chunks_mut(w).zip(signal.par_chunks(w)).enumerate().for_each(|(y, (line, signal))| {
         let mut generator = ChaCha8Rng::seed_from_u64(seed ^ 0x6e6f_6973_6521);
@@ -149,9 +146,9 @@ pub fn record(signal: &[f32], sensor: (usize, usize), noise: f64, seed: u64, fra
         for (to, from) in line.chunks_mut(2).zip(signal.chunks(2)) {
             let pair = if noise > 0.0 { normal(&mut generator) } else { [0.0; 2] };
             for ((to, from), n) in to.iter_mut().zip(from).zip(pair) {
-                let light = f64::from(from * (WHITE - BLACK));
-                let spread = noise * (light.max(0.0) + 9.0).sqrt();
-                *to = (f64::from(BLACK) + light + spread * n).round().clamp(0.0, f64::from(WHITE)) as u16;
+                let light = f64::from(*from) * (white - black);
+                let spread = noise * unit * (light.max(0.0) / unit + 9.0).sqrt();
+                *to = (black + light + spread * n).round().clamp(0.0, white) as u16;
             }
         }
     });
@@ -229,7 +226,7 @@ mod tests {
                 (0..3).for_each(|k| sum[k] += w * f64::from(seen[k]));
                 total += w;
             });
-            let response = responses[CFA.plane(x, y)];
+            let response = responses[camera.cfa.plane(x, y)];
             let expected =
                 f64::from(pattern[y * 160 + x]) * (0..3).map(|k| f64::from(response[k]) * sum[k] / total).sum::<f64>();
             let error = (f64::from(signal[y * 160 + x]) - expected).abs();
@@ -242,18 +239,22 @@ mod tests {
 
     #[test]
     fn noise_has_the_strength_asked_for_and_black_and_white_hold() {
+        let camera = Camera { sensor: (200, 200), ..Camera::default() };
         let signal = vec![0.25f32; 200 * 200];
-        let still = record(&signal, (200, 200), 0.0, 1, 0);
+        let still = record(&signal, &camera, 0.0, 1, 0);
         assert!(still.data.iter().all(|v| *v == (168.0f32 + 0.25 * 3927.0).round() as u16));
-        let noisy = record(&signal, (200, 200), 0.7, 1, 0);
+        let noisy = record(&signal, &camera, 0.7, 1, 0);
         let n = noisy.data.len() as f64;
         let mean = noisy.data.iter().map(|v| f64::from(*v)).sum::<f64>() / n;
         let deviation = (noisy.data.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>() / n).sqrt();
         let expected = 0.7 * (0.25f64 * 3927.0 + 9.0).sqrt();
         assert!((mean - 1149.75).abs() < 0.5 && (deviation / expected - 1.0).abs() < 0.03, "{mean} {deviation}");
-        assert_eq!(noisy, record(&signal, (200, 200), 0.7, 1, 0));
-        assert_ne!(noisy, record(&signal, (200, 200), 0.7, 1, 1));
-        assert!(record(&[2.0; 4], (2, 2), 0.0, 1, 0).data.iter().all(|v| *v == 4095));
-        assert!(record(&[-2.0; 4], (2, 2), 0.0, 1, 0).data.iter().all(|v| *v == 0));
+        assert_eq!(noisy, record(&signal, &camera, 0.7, 1, 0));
+        assert_ne!(noisy, record(&signal, &camera, 0.7, 1, 1));
+        let tiny = |levels| Camera { sensor: (2, 2), levels, ..Camera::default() };
+        assert!(record(&[2.0; 4], &tiny([168, 4095]), 0.0, 1, 0).data.iter().all(|v| *v == 4095));
+        assert!(record(&[2.0; 4], &tiny([64, 1023]), 0.0, 1, 0).data.iter().all(|v| *v == 1023));
+        assert!(record(&[0.0; 4], &tiny([64, 1023]), 0.0, 1, 0).data.iter().all(|v| *v == 64));
+        assert!(record(&[-2.0; 4], &tiny([168, 4095]), 0.0, 1, 0).data.iter().all(|v| *v == 0));
     }
 }

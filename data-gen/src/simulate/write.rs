@@ -68,7 +68,7 @@ pub fn write(
     truth.check()?;
     let pending = Pending::directory(dir, force)?;
     let root = pending.path().to_path_buf();
-    container::write_lfp(&root.join("capture.lfp"), &simulation.capture, false)?;
+    container::write_lfp(&root.join(capture_name(camera)), &simulation.capture, false)?;
     for (k, white) in simulation.whites.iter().enumerate() {
         container::write_lfp(&root.join(format!("white-{k:02}.lfp")), white, false)?;
     }
@@ -118,6 +118,11 @@ pub fn write(
     sink.finish()?;
     pending.commit()?;
     Ok(())
+}
+
+/// What the capture's file is called: captures that carry their white image are called `.lfr`.
+pub fn capture_name(camera: &Camera) -> &'static str {
+    if camera.white_inside { "capture.lfr" } else { "capture.lfp" }
 }
 
 fn npy<T: ndarray_npy::WritableElement>(path: &Path, array: &Array2<T>) -> Result<(), Error> {

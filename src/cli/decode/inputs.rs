@@ -3,7 +3,10 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use lenslet_core::lightfield::Format;
+
 use crate::cli::Usage;
+use crate::cli::written::{Written, ending};
 
 /// Endings of files in a folder that may be captures.
 const CAPTURES: [&str; 9] = ["lfp", "lfr", "raw", "png", "tif", "tiff", "jpg", "jpeg", "pgm"];
@@ -13,15 +16,21 @@ const CAPTURES: [&str; 9] = ["lfp", "lfr", "raw", "png", "tif", "tiff", "jpg", "
 pub struct Job {
     pub capture: PathBuf,
     pub out: PathBuf,
+    pub format: Format,
 }
 
 /// The jobs of a call, and whether there may be several (then each goes into a folder of results).
-pub fn jobs(inputs: &[PathBuf], out: &Path, ending: &str) -> anyhow::Result<(Vec<Job>, bool)> {
+pub fn jobs(inputs: &[PathBuf], written: &Written) -> anyhow::Result<(Vec<Job>, bool)> {
     let several = inputs.len() > 1 || inputs.iter().any(|p| p.is_dir());
-    if !several {
-        let jobs = inputs.iter().map(|p| Job { capture: p.clone(), out: out.to_path_buf() }).collect();
-        return Ok((jobs, false));
+    if several {
+        return Ok((each(inputs, &written.out, written.format_of_each())?, true));
     }
+    let job = |p: &PathBuf| Job { capture: p.clone(), out: written.out.clone(), format: written.format() };
+    Ok((inputs.iter().map(job).collect(), false))
+}
+
+/// Several captures, each into the folder `out` under its own name.
+fn each(inputs: &[PathBuf], out: &Path, format: Format) -> anyhow::Result<Vec<Job>> {
     let mut captures = Vec::new();
     for input in inputs {
         if input.is_dir() {
@@ -37,7 +46,7 @@ pub fn jobs(inputs: &[PathBuf], out: &Path, ending: &str) -> anyhow::Result<(Vec
             return Err(Usage(format!("{} has no file name", capture.display())).into());
         };
         let mut name = stem.to_os_string();
-        name.push(ending);
+        name.push(ending(format));
         let target = out.join(name);
         if let Some(other) = seen.insert(target.clone(), capture.clone()) {
             let (a, b) = (other.display(), capture.display());
@@ -45,9 +54,9 @@ pub fn jobs(inputs: &[PathBuf], out: &Path, ending: &str) -> anyhow::Result<(Vec
                 Usage(format!("{a} and {b} would both become {}; decode them in two calls", target.display())).into()
             );
         }
-        jobs.push(Job { capture, out: target });
+        jobs.push(Job { capture, out: target, format });
     }
-    Ok((jobs, true))
+    Ok(jobs)
 }
 
 /// Files of a folder that may be captures, by name.
@@ -73,32 +82,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_file_goes_where_it_is_told() {
-        let (found, several) = jobs(&["a/x.lfp".into()], Path::new("lf"), "").unwrap();
-        assert_eq!((found[0].out.as_path(), several), (Path::new("lf"), false));
-    }
-
-    #[test]
     fn several_go_into_a_folder_by_stem_and_never_onto_each_other() {
-        let (found, several) = jobs(&["a/x.lfp".into(), "y.raw".into()], Path::new("out"), ".npy").unwrap();
-        assert!(several);
+        let found = each(&["a/x.lfp".into(), "y.raw".into()], Path::new("out"), Format::Npy).unwrap();
         assert_eq!(
             found.iter().map(|j| j.out.clone()).collect::<Vec<_>>(),
             [Path::new("out/x.npy"), Path::new("out/y.npy")]
         );
-        assert!(jobs(&["a/x.lfp".into(), "b/x.lfp".into()], Path::new("out"), "").is_err());
+        assert!(each(&["a/x.lfp".into(), "b/x.lfp".into()], Path::new("out"), Format::Directory).is_err());
     }
 
     #[test]
     fn a_folder_gives_its_captures_in_order() {
         let dir = tempfile::tempdir().unwrap();
-        assert!(jobs(&[dir.path().to_path_buf()], Path::new("out"), "").is_err());
+        assert!(each(&[dir.path().to_path_buf()], Path::new("out"), Format::Directory).is_err());
         for name in ["b.LFP", "a.raw", "a.txt", "c.calib"] {
             std::fs::write(dir.path().join(name), b"").unwrap();
         }
-        let (found, several) = jobs(&[dir.path().to_path_buf()], Path::new("out"), "").unwrap();
+        let found = each(&[dir.path().to_path_buf()], Path::new("out"), Format::Directory).unwrap();
         let names: Vec<_> = found.iter().map(|j| j.capture.file_name().unwrap().to_owned()).collect();
-        assert!(several);
         assert_eq!(names, ["a.raw", "b.LFP"]);
     }
 }

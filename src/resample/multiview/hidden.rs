@@ -49,6 +49,7 @@ pub fn hidden_score(
         index: kept.iter().filter_map(|&k| samples.index.get(k).copied()).collect(),
         views: samples.views,
         view_step: samples.view_step,
+        weights: samples.weights.clone(),
         values: samples.values.select(Axis(1), &kept),
     };
     let image = render(&rest)?;
