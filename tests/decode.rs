@@ -243,7 +243,7 @@ fn mosaics_in_pictures_and_raw_files_decode_like_the_container() {
     let (lfp, calib) = camera(dir.path());
     let capture = container::open(&lfp, None).unwrap();
     let decoded = |path: &Path, more: &[&str]| {
-        let out = path.with_extension("decoded.npy");
+        let out = PathBuf::from(format!("{}.npy", path.display()));
         let mut words = vec![path, Path::new("--calibration"), &calib, Path::new("--out"), &out];
         words.extend(
             ["--size", "40", "--views", "3", "--method", "cubic", "-q", "--white-balance", "1,1,1"].map(Path::new),

@@ -145,10 +145,8 @@ pub fn load(path: &Path) -> Result<HexSamples, Error> {
     let (index_shape, index) = array("index", "<i4")?;
     let (offset_shape, offsets) = array("offsets", "<f8")?;
     let (sensor_shape, sensor) = array("sensor", "<i4")?;
-    let weights = match parts.iter().any(|m| m.name == "weights.npy") {
-        true => Some(array("weights", "<f4")?),
-        false => None,
-    };
+    // Files from before there were weights have five arrays.
+    let weights = if parts.len() == 5 { None } else { Some(array("weights", "<f4")?) };
     let disagree = || failed(path, "its arrays do not fit each other");
     let &[views, lenslets, channels] = &shape[..] else { return Err(disagree()) };
     let n = views.isqrt();
@@ -217,7 +215,9 @@ fn members(file: &mut File) -> Result<Vec<Member>, String> {
     file.take(tail).read_to_end(&mut end).map_err(io)?;
     let not = || "it is not a NumPy archive (.npz)".to_string();
     let at = (0..end.len().saturating_sub(21)).rev().find(|&k| le32(&end, k) == Some(END)).ok_or_else(not)?;
-    let (Some(size), Some(place)) = (le32(&end, at + 12), le32(&end, at + 16)) else { return Err(not()) };
+    let (Some(count), Some(size), Some(place)) = (le16(&end, at + 10), le32(&end, at + 12), le32(&end, at + 16)) else {
+        return Err(not());
+    };
     if u64::from(place) + u64::from(size) > length {
         return Err("it ends early".into());
     }
@@ -236,6 +236,9 @@ fn members(file: &mut File) -> Result<Vec<Member>, String> {
         let name = String::from_utf8_lossy(name).into_owned();
         found.push(Member { name, crc: long(16)?, size: long(24)?, place: long(42)? });
         at += 46 + record(28)? + record(30)? + record(32)?;
+    }
+    if found.len() != count {
+        return Err("its directory is damaged".into());
     }
     Ok(found)
 }
