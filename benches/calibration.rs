@@ -14,7 +14,7 @@ fn white(sensor: (usize, usize), pitch: f64) -> Option<Capture> {
     let lenslets = Lenslets::new(&camera, 1).ok()?;
     let light = expose_white(&camera, &white_pattern(&camera, &lenslets));
     let levels = Levels { black: [168.0; 4], white: [4095.0; 4] };
-    Some(Capture::bare(record(&light, camera.sensor, 0.7, 1, 0), Cfa::Bggr, levels))
+    Some(Capture::bare(record(&light, &camera, 0.7, 1, 0), Cfa::Bggr, levels))
 }
 
 /// As large as an Illum's.

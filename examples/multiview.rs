@@ -220,7 +220,15 @@ fn sampled(field: &LightField, pitch: f64) -> anyhow::Result<HexSamples> {
         }
     }
     let values = Array3::from_shape_vec((rows * columns, centres.len(), channels), values)?;
-    Ok(HexSamples { sensor: (width, height), centres, index, views: rows, view_step: 1.0, values })
+    Ok(HexSamples {
+        sensor: (width, height),
+        centres,
+        index,
+        views: rows,
+        view_step: 1.0,
+        weights: vec![1.0; rows * rows],
+        values,
+    })
 }
 
 fn resampled(path: &Path, a: &Arguments) -> anyhow::Result<Value> {

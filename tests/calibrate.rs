@@ -49,7 +49,7 @@ fn whites(count: u32, serial: &str, zoom: i64) -> (Vec<Capture>, Vec<[f64; 2]>) 
     let lenslets = Lenslets::new(&camera, 3).unwrap();
     let light = expose_white(&camera, &white_pattern(&camera, &lenslets));
     let one = |k| {
-        let mosaic = record(&light, camera.sensor, 0.7, 3, k);
+        let mosaic = record(&light, &camera, 0.7, 3, k);
         f01_capture(mosaic.width, mosaic.height, mosaic.data, Some(serial), Some(zoom), Some(7))
     };
     ((1..=count).map(one).collect(), lenslets.on_sensor())
