@@ -20,6 +20,7 @@ use lenslet_core::dictionary::{self, Anchored, Base, Dictionary, Footprint, Mode
 use lenslet_core::lightfield::{self, ColourSpace, Format, Meta, ReadOptions};
 use lenslet_core::progress::Silent;
 use ndarray::{Array2, Array3};
+use sha2::Digest;
 
 const COUNT: usize = 20_000;
 
@@ -437,16 +438,23 @@ fn dictionaries() {
         Err(e) => line(e),
     };
     torment(&bytes, 50, COUNT, read);
-    // With the payload left alone the checksum holds, so damage to the header gets past it.
-    let payload = bytes.len() - dictionary_payload(&bytes);
-    torment(&bytes[..payload], 51, COUNT, |head| read(&[head, &bytes[payload..]].concat()));
+    // With its checksum made to fit, damage to the header gets past it.
+    let body = &bytes[..bytes.len() - 32];
+    let (head, payload) = body.split_at((24 + dictionary_header(body)).next_multiple_of(64));
+    torment(head, 51, COUNT, |head| {
+        let whole = [head, payload].concat();
+        read(&[&whole[..], &sha2::Sha256::digest(&whole)].concat());
+    });
+    // Version 1 ends with the payload, and guards only that.
+    let old = include_bytes!("../../tests/reference/golden-1.lfd");
+    let (head, payload) = old.split_at((24 + dictionary_header(old)).next_multiple_of(64));
+    torment(head, 52, COUNT, |head| read(&[head, payload].concat()));
     bounded();
 }
 
-/// Bytes of the payload: what follows the header, from the next multiple of 64.
-fn dictionary_payload(bytes: &[u8]) -> usize {
-    let header = u64::from_le_bytes(bytes[16..24].try_into().unwrap()) as usize;
-    bytes.len() - (24 + header).next_multiple_of(64)
+/// Length of a dictionary file's header.
+fn dictionary_header(bytes: &[u8]) -> usize {
+    u64::from_le_bytes(bytes[16..24].try_into().unwrap()) as usize
 }
 
 #[test]

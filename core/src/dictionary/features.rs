@@ -1,8 +1,11 @@
 //! Features of the low image (paper section 4.4 after its ref. [22], and Zeyde 2010): f = F·w, with F the principal
 //! components of the first and second order gradients over a window, folded into one matrix on the window's values.
 
+use faer::diag::Diag;
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::evd;
 use faer::linalg::matmul::matmul;
-use faer::{Accum, MatMut, MatRef, Par};
+use faer::{Accum, Mat, MatMut, MatRef, Par};
 use ndarray::{Array2, ArrayView2};
 
 use super::Error;
@@ -122,11 +125,8 @@ pub fn learn_filters(
     }
     let gradients = operator.dot(&moments).dot(&operator.t());
     let n = gradients.nrows();
-    let matrix = faer::Mat::from_fn(n, n, |i, j| 0.5 * (gradients[[i, j]] + gradients[[j, i]]));
-    let eigen = matrix
-        .self_adjoint_eigen(faer::Side::Lower)
-        .map_err(|e| Error::Parameter(format!("no principal components: {e:?}")))?;
-    let values: Vec<f64> = (0..n).map(|i| eigen.S()[i]).collect();
+    let matrix = Mat::from_fn(n, n, |i, j| 0.5 * (gradients[[i, j]] + gradients[[j, i]]));
+    let (values, vectors) = eigen(&matrix)?;
     let total: f64 = values.iter().filter(|v| v.is_finite() && **v > 0.0).sum();
     let mut order: Vec<usize> = (0..n).collect();
     order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
@@ -137,7 +137,7 @@ pub fn learn_filters(
     let mut filters = Array2::zeros((features, support * support));
     for (mut row, &component) in filters.rows_mut().into_iter().zip(&order) {
         for i in 0..n {
-            let v = eigen.U()[(i, component)];
+            let v = vectors[(i, component)];
             for (f, o) in row.iter_mut().zip(operator.row(i)) {
                 *f += v * o;
             }
@@ -148,6 +148,19 @@ pub fn learn_filters(
         }
     }
     Ok((filters.mapv(|v| v as f32), kept / total))
+}
+
+/// Eigenvalues and, as columns, eigenvectors, on this thread only: results must not depend on how many there are.
+fn eigen(matrix: &Mat<f64>) -> Result<(Vec<f64>, Mat<f64>), Error> {
+    let n = matrix.nrows();
+    let need = evd::self_adjoint_evd_scratch::<f64>(n, evd::ComputeEigenvectors::Yes, Par::Seq, Default::default());
+    let mut memory = MemBuffer::new(need);
+    let (mut values, mut vectors) = (Diag::zeros(n), Mat::zeros(n, n));
+    let stack = MemStack::new(&mut memory);
+    let (s, u) = (values.as_mut(), Some(vectors.as_mut()));
+    evd::self_adjoint_evd(matrix.as_ref(), s, u, Par::Seq, stack, Default::default())
+        .map_err(|e| Error::Parameter(format!("no principal components: {e:?}")))?;
+    Ok(((0..n).map(|i| values.column_vector()[i]).collect(), vectors))
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@
 //! | 8 | length of the header |
 //! | … | header: tool, recipe (JSON text), models, table of matrices, SHA-256 of the payload |
 //! | … | zeros up to a multiple of 64, then the payload: matrices, each at a multiple of 64 |
+//! | 32 | SHA-256 of everything before it (version 2; version 1 ends with the payload and guards only that) |
 
 use std::cell::Cell;
 use std::io::Read;
@@ -19,8 +20,12 @@ use sha2::{Digest, Sha256};
 
 use super::{Anchored, Base, Dictionary, Error, Footprint, Model, Pass, Recipe, Storage, limits, validate};
 
-/// The version of the format that this library writes, and the only one it reads.
-pub const FORMAT_VERSION: u32 = 1;
+/// The version of the format that this library writes; it reads version 1 as well.
+pub const FORMAT_VERSION: u32 = 2;
+/// Since this version the file ends with a hash over everything before it.
+const SEALED: u32 = 2;
+/// Bytes of that hash.
+const SEAL: usize = 32;
 const MAGIC: [u8; 8] = *b"\x89LFD\r\n\x1a\n";
 const CODEC_BINCODE: u32 = 1;
 const FIXED: usize = 24;
@@ -148,7 +153,7 @@ pub fn to_bytes(dictionary: &Dictionary) -> Result<Vec<u8>, Error> {
     if header.len() > limits::HEADER {
         return Err(Error::Parameter(format!("the recipe takes {} bytes, too many", header.len())));
     }
-    let mut bytes = Vec::with_capacity(FIXED + header.len() + ALIGN + payload.bytes.len());
+    let mut bytes = Vec::with_capacity(FIXED + header.len() + ALIGN + payload.bytes.len() + SEAL);
     bytes.extend_from_slice(&MAGIC);
     bytes.extend_from_slice(&FORMAT_VERSION.to_le_bytes());
     bytes.extend_from_slice(&CODEC_BINCODE.to_le_bytes());
@@ -156,6 +161,8 @@ pub fn to_bytes(dictionary: &Dictionary) -> Result<Vec<u8>, Error> {
     bytes.extend_from_slice(&header);
     bytes.resize(bytes.len().next_multiple_of(ALIGN), 0);
     bytes.extend_from_slice(&payload.bytes);
+    let seal = Sha256::digest(&bytes);
+    bytes.extend_from_slice(&seal);
     Ok(bytes)
 }
 
@@ -200,7 +207,7 @@ pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Dictionary, Error> {
         return Err(Error::NotDictionary { path: name.into() });
     }
     let version = u32::from_le_bytes(number(bytes, 8).ok_or_else(short)?);
-    if version != FORMAT_VERSION {
+    if !(1..=FORMAT_VERSION).contains(&version) {
         let remedy = if version > FORMAT_VERSION {
             "use a newer lenslet, or train it again with `lenslet train-dict`"
         } else {
@@ -208,6 +215,15 @@ pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Dictionary, Error> {
         };
         return Err(Error::Version { path: name.into(), found: version, known: FORMAT_VERSION, remedy });
     }
+    let bytes = if version < SEALED {
+        bytes
+    } else {
+        let (body, seal) = bytes.split_last_chunk::<SEAL>().ok_or_else(short)?;
+        if Sha256::digest(body).as_slice() != seal {
+            return Err(malformed("it is cut short or damaged: its bytes do not match their checksum".into()));
+        }
+        body
+    };
     let codec = u32::from_le_bytes(number(bytes, 12).ok_or_else(short)?);
     if codec != CODEC_BINCODE {
         return Err(malformed(format!("header codec {codec} is not known")));
@@ -386,12 +402,35 @@ mod tests {
     }
 
     #[test]
+    fn no_flipped_bit_is_accepted() {
+        let whole = to_bytes(&small(1)).unwrap();
+        for at in 0..whole.len() {
+            for bit in [0, 3, 7] {
+                let mut bytes = whole.clone();
+                bytes[at] ^= 1 << bit;
+                // As version 1 the file is a little longer than its payload, which that version's checksum sees.
+                assert!(from_bytes(&bytes, "t").is_err(), "bit {bit} of byte {at}");
+            }
+        }
+        let longer = [&whole[..], b"x"].concat();
+        assert!(from_bytes(&longer, "t").is_err());
+    }
+
+    /// The same dictionary as version 1 wrote it.
+    fn version_1(dictionary: &Dictionary) -> Vec<u8> {
+        let mut bytes = to_bytes(dictionary).unwrap();
+        bytes[8] = 1;
+        bytes.truncate(bytes.len() - SEAL);
+        bytes
+    }
+
+    #[test]
     fn a_header_that_lies_about_sizes_is_refused() {
         let bytes = to_bytes(&small(1)).unwrap();
         let length = u64::from_le_bytes(bytes[16..24].try_into().unwrap()) as usize;
         let (mut header, _): (Header, usize) =
             bincode::serde::decode_from_slice(&bytes[FIXED..FIXED + length], configuration()).unwrap();
-        let payload = bytes[(FIXED + length).next_multiple_of(ALIGN)..].to_vec();
+        let payload = bytes[(FIXED + length).next_multiple_of(ALIGN)..bytes.len() - SEAL].to_vec();
         let rebuilt = |header: &Header| {
             let h = bincode::serde::encode_to_vec(header, configuration()).unwrap();
             let mut out = bytes[..16].to_vec();
@@ -399,6 +438,8 @@ mod tests {
             out.extend_from_slice(&h);
             out.resize(out.len().next_multiple_of(ALIGN), 0);
             out.extend_from_slice(&payload);
+            let seal = Sha256::digest(&out);
+            out.extend_from_slice(&seal);
             out
         };
         assert!(from_bytes(&rebuilt(&header), "t").is_ok());
@@ -417,9 +458,10 @@ mod tests {
 
     proptest! {
         #[test]
-        fn damage_never_panics(at in 0usize..4000, value: u8, cut in 0usize..4000) {
-            let mut bytes = to_bytes(&small(1)).unwrap();
+        fn damage_to_version_1_never_panics(at in 0usize..4000, value: u8, cut in 0usize..4000) {
+            let mut bytes = version_1(&small(1));
             let n = bytes.len();
+            prop_assert_eq!(from_bytes(&bytes, "t").unwrap(), small(1));
             bytes[at % n] = value;
             // The payload is guarded by its sha256; a header that still reads must still make sense.
             if let Ok(d) = from_bytes(&bytes, "t") {
