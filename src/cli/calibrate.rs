@@ -85,8 +85,9 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     calibration::save(&args.out, &found, args.force)?;
     if !pictures.is_empty() {
         let [whole, close] = figures::centres(&found);
-        // Full brightness at three times the typical distance.
-        let residuals = figures::residuals(&found, (3.0 * found.quality.residual_rms).max(0.01));
+        let far = figures::far(&found);
+        let residuals = figures::residuals(&found, far);
+        context.progress.note(&format!("residual map: full brightness is {far:.3} px off the regular lattice"));
         for (path, picture) in pictures.iter().zip([whole, close, residuals]) {
             write_picture(path, args.force, picture)?;
         }

@@ -115,6 +115,17 @@ pub fn centres(calibration: &Calibration) -> [Picture; 2] {
     [whole, close]
 }
 
+/// Distance from the regular lattice that one lenslet in a hundred exceeds, pixels (at least 0.001): what to show as full brightness.
+pub fn far(calibration: &Calibration) -> f64 {
+    let off = |l: &super::Lenslet| {
+        let c = calibration.lattice.centre(l.i, l.j);
+        (l.x - c[0]).hypot(l.y - c[1])
+    };
+    let mut all: Vec<f64> = calibration.lenslets.iter().map(off).collect();
+    all.sort_by(f64::total_cmp);
+    all.get(all.len() * 99 / 100).copied().unwrap_or(0.0).max(0.001)
+}
+
 /// How far each lenslet lies from the regular lattice: hue is the direction, brightness the distance (full at `full` pixels).
 pub fn residuals(calibration: &Calibration, full: f64) -> Picture {
     let (w, h) = (calibration.width, calibration.height);
@@ -228,6 +239,11 @@ mod tests {
             [l.x, l.y] = found.lattice.centre(l.i, l.j);
         }
         assert!(residuals(&moved, 0.5).rgb.iter().all(|&v| v == 0));
+        assert_eq!(far(&moved), 0.001);
+        for l in moved.lenslets.iter_mut().step_by(20) {
+            l.y += 0.3;
+        }
+        assert!((far(&moved) - 0.3).abs() < 1e-9);
         moved.lenslets[50].x += 0.5;
         assert!(residuals(&moved, 0.5).rgb.iter().any(|&v| v > 200));
     }

@@ -128,8 +128,9 @@ mod tests {
     /// Black images with the hot pixels planted, each at 400 DN, in 4 DN of noise.
     fn blacks(hot: &[u32], count: usize) -> Vec<Capture> {
         let of = |n: usize| {
-            let noise =
-                |k: usize| (0..4).map(|r| ((k * 7919 + n * 31 + r * 104_729) * 2_654_435_761 >> 7) % 5).sum::<usize>();
+            let noise = |k: usize| {
+                (0..4).map(|r| (((k * 7919 + n * 31 + r * 104_729) * 2_654_435_761) >> 7) % 5).sum::<usize>()
+            };
             let mut data: Vec<u16> = (0..96 * 80).map(|k| (160 + noise(k)) as u16).collect();
             hot.iter().for_each(|&k| data[k as usize] = 400);
             capture(96, 80, data)
