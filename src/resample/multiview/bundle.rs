@@ -16,7 +16,9 @@ pub struct Bundle<'a> {
     /// Where the samples lie in their own view, pixels of the target.
     pub(super) points: Vec<[f32; 2]>,
     /// (views, samples, channels)
-    pub(super) values: CowArray<'a, f32, Ix3>,
+    values: CowArray<'a, f32, Ix3>,
+    /// The same, four lanes a value (unused ones 0), all views in a row.
+    pub(super) lanes: Vec<[f32; 4]>,
     pub(super) target: Target,
     pub(super) kind: Kind,
     /// Pixels of the target between neighbouring samples.
@@ -108,7 +110,9 @@ impl<'a> Bundle<'a> {
             target.width,
             target.height
         );
-        Ok(Bundle { rows, columns, points, values, target, kind, pitch, base })
+        let lane = |v: ArrayView1<f32>| if channels == 3 { [v[0], v[1], v[2], 0.0] } else { [v[0], 0.0, 0.0, 0.0] };
+        let lanes = values.rows().into_iter().map(lane).collect();
+        Ok(Bundle { rows, columns, points, values, lanes, target, kind, pitch, base })
     }
 
     /// Rows and columns of views.

@@ -7,6 +7,7 @@ mod hidden;
 mod mesh;
 mod refine;
 mod surfaces;
+mod trust;
 
 use anyhow::{Result, ensure};
 pub use bundle::Bundle;

@@ -16,6 +16,8 @@ pub struct Surfaces {
     pub(super) columns: usize,
     /// One map a view, pixels of the target per view step.
     pub(super) maps: Vec<Plane>,
+    /// Disparity of every sample of every view, views one after the other.
+    pub(super) samples: Vec<f32>,
     /// Pixels of the target per pixel of the maps.
     pub(super) scale: [f32; 2],
     /// −1 where the nearer surface has the smaller disparity (the usual order of views), +1 where it has the larger.
@@ -68,7 +70,7 @@ impl Surfaces {
             .into_par_iter()
             .map(|k| carry_plane(&central, scale, step((rows, columns), k), front))
             .collect();
-        let mut surfaces = Surfaces { rows, columns, maps, scale, front, middle };
+        let mut surfaces = Surfaces { rows, columns, maps, samples: Vec::new(), scale, front, middle };
         if options.known.is_none() {
             let light: Vec<f32> = bundle.light();
             let central = super::refine::refine(bundle, &light, &surfaces);
@@ -80,7 +82,21 @@ impl Surfaces {
                 surfaces.middle.disparity = found;
             }
         }
+        let points = &bundle.points;
+        let one = |k: usize| points.iter().map(move |p| (k, p));
+        surfaces.samples =
+            (0..rows * columns).into_par_iter().flat_map_iter(one).map(|(k, p)| surfaces.at(k, p[0], p[1])).collect();
         Ok(surfaces)
+    }
+
+    /// Disparity of view `k` at the pixel of its map nearest to (`x`, `y`) of the target.
+    #[inline]
+    pub(super) fn near(&self, k: usize, x: f32, y: f32) -> f32 {
+        let map = &self.maps[k];
+        // Within the picture: nothing is below 0.
+        let s = ((x + 0.5) / self.scale[0]) as usize;
+        let t = ((y + 0.5) / self.scale[1]) as usize;
+        map.data[t.min(map.height - 1) * map.width + s.min(map.width - 1)]
     }
 
     /// Disparity of view `k` at (`x`, `y`) of the target: interpolated on a surface, the nearest value at its edge.

@@ -1,0 +1,140 @@
+//! How far the other views may be believed, region by region: they foretell the samples of the view itself, and are judged by
+//! how well they do.
+//!
+//! Where the samples of the other views lie where they belong, the image fitted to them meets the view's own samples much better
+//! than single-view interpolation met theirs: what was surprising is explained. Where they do not (a wrong disparity, something
+//! in front), the fit misses the own samples by as much.
+
+/// Side of the cells in which squares are gathered, pixels of the target.
+const CELL: usize = 4;
+
+/// Cells around a cell that judge with it.
+const AROUND: usize = 1;
+
+/// Share of the surprise that may stay unexplained: full trust up to the first, none beyond the second.
+const UNEXPLAINED: [f32; 2] = [0.35, 0.7];
+
+/// Variance of noise (three colours together) below which nothing is worth a doubt, and that noise never exceeds.
+const NOISE: [f32; 2] = [2e-5, 6e-3];
+
+/// Weighted squares and weights by cells.
+pub(super) struct Cells {
+    columns: usize,
+    rows: usize,
+    sums: Vec<[f32; 2]>,
+}
+
+impl Cells {
+    /// For a picture of `w`×`h` pixels.
+    pub(super) fn new(w: usize, h: usize) -> Self {
+        let (columns, rows) = (w.div_ceil(CELL), h.div_ceil(CELL));
+        Cells { columns, rows, sums: vec![[0.0; 2]; columns * rows] }
+    }
+
+    /// Adds a square and its weight at pixel (x, y).
+    #[inline]
+    pub(super) fn add(&mut self, x: usize, y: usize, values: [f32; 2]) {
+        let cell = &mut self.sums[y / CELL * self.columns + x / CELL];
+        cell[0] += values[0];
+        cell[1] += values[1];
+    }
+
+    /// Mean square over each cell and those around it; NaN where there is nothing.
+    fn means(&self) -> Vec<f32> {
+        let mut out = Vec::with_capacity(self.sums.len());
+        for y in 0..self.rows {
+            for x in 0..self.columns {
+                let (mut sum, mut weight) = (0f32, 0f32);
+                for row in y.saturating_sub(AROUND)..=(y + AROUND).min(self.rows - 1) {
+                    let (from, to) = (x.saturating_sub(AROUND), (x + AROUND).min(self.columns - 1));
+                    for cell in &self.sums[row * self.columns + from..=row * self.columns + to] {
+                        sum += cell[0];
+                        weight += cell[1];
+                    }
+                }
+                out.push(if weight > 0.0 { sum / weight } else { f32::NAN });
+            }
+        }
+        out
+    }
+}
+
+/// Trust by cells, 0 to 1.
+pub(super) struct Trust {
+    columns: usize,
+    rows: usize,
+    values: Vec<f32>,
+}
+
+impl Trust {
+    /// At a pixel, bilinear between the cells.
+    #[inline]
+    pub(super) fn at(&self, x: usize, y: usize) -> f32 {
+        let place = |x: usize, n: usize| ((x as f32 + 0.5) / CELL as f32 - 0.5).clamp(0.0, (n - 1) as f32);
+        let (x, y) = (place(x, self.columns), place(y, self.rows));
+        let (x0, y0) = (x as usize, y as usize);
+        let (x1, y1) = ((x0 + 1).min(self.columns - 1), (y0 + 1).min(self.rows - 1));
+        let (fx, fy) = (x - x0 as f32, y - y0 as f32);
+        let value = |x: usize, y: usize| self.values[y * self.columns + x];
+        let upper = value(x0, y0) + fx * (value(x1, y0) - value(x0, y0));
+        let lower = value(x0, y1) + fx * (value(x1, y1) - value(x0, y1));
+        upper + fy * (lower - upper)
+    }
+}
+
+/// Trust from the squares by which the prior missed the other views' samples (`surprise`) and the fit the own ones (`misfit`).
+pub(super) fn trust(surprise: &Cells, misfit: &Cells) -> Trust {
+    let (before, after) = (surprise.means(), misfit.means());
+    // Most of a picture is quiet: a low quantile of what the fit leaves is noise.
+    let mut sorted: Vec<f32> = after.iter().copied().filter(|v| v.is_finite()).collect();
+    sorted.sort_unstable_by(f32::total_cmp);
+    let noise = sorted.get(sorted.len() / 4).copied().unwrap_or(0.0).clamp(NOISE[0], NOISE[1]);
+    let values = before.iter().zip(&after).map(|(&before, &after)| believed(before, after, noise)).collect();
+    Trust { columns: surprise.columns, rows: surprise.rows, values }
+}
+
+/// Full where the fit misses by noise alone, or explains most of the surprise beyond noise. Nothing known: nothing believed.
+fn believed(before: f32, after: f32, noise: f32) -> f32 {
+    if !(before.is_finite() && after.is_finite()) {
+        return 0.0;
+    }
+    let excess = (after - 1.5 * noise).max(0.0);
+    let share = excess / ((before - noise).max(0.0) + noise);
+    let [full, none] = UNEXPLAINED;
+    let f = ((none - share) / (none - full)).clamp(0.0, 1.0);
+    f * f * (3.0 - 2.0 * f)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn explained_surprise_is_believed_and_contradiction_is_not() {
+        let noise = 1e-4;
+        assert_eq!(believed(1e-4, 1e-4, noise), 1.0, "noise alone");
+        assert_eq!(believed(5e-2, 5e-3, noise), 1.0, "texture explained");
+        assert_eq!(believed(5e-2, 5e-2, noise), 0.0, "texture contradicted");
+        let half = believed(5e-2, 2.7e-2, noise);
+        assert!(half > 0.1 && half < 0.9, "{half}");
+        assert_eq!(believed(f32::NAN, 0.0, noise), 0.0);
+    }
+
+    #[test]
+    fn trust_is_local_and_smooth() {
+        let (w, h) = (80, 40);
+        let (mut surprise, mut misfit) = (Cells::new(w, h), Cells::new(w, h));
+        for y in 0..h {
+            for x in 0..w {
+                surprise.add(x, y, [0.04, 1.0]);
+                misfit.add(x, y, [if x < 40 { 1e-4 } else { 0.05 }, 1.0]);
+            }
+        }
+        let trust = trust(&surprise, &misfit);
+        assert_eq!(trust.at(10, 20), 1.0);
+        assert_eq!(trust.at(70, 20), 0.0);
+        for x in 1..w {
+            assert!((trust.at(x, 20) - trust.at(x - 1, 20)).abs() < 0.3, "column {x}");
+        }
+    }
+}
