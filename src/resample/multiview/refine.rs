@@ -29,13 +29,22 @@ struct Vote {
     /// Σ w g², Σ w r g: normal equation of the correction.
     normal: f32,
     right: f32,
-    /// Σ w r², Σ w.
+    /// Σ min(r², spread²), and how many samples.
     misfit: f32,
     weight: f32,
 }
 
-/// Corrects the disparities of the middle view (pixels of the target per view step) in `map`, whose pixels are `scale` pixels
-/// of the target wide.
+impl Vote {
+    #[inline]
+    fn add(&mut self, other: &Vote) {
+        self.normal += other.normal;
+        self.right += other.right;
+        self.misfit += other.misfit;
+        self.weight += other.weight;
+    }
+}
+
+/// The middle view's map of `surfaces`, corrected; `light`: brightness of every sample, views one after the other.
 pub(super) fn refine(bundle: &Bundle, light: &[f32], surfaces: &Surfaces) -> Plane {
     let scale = surfaces.scale;
     let views = (surfaces.rows, surfaces.columns);
@@ -133,21 +142,51 @@ fn cell(ray: &Ray, w: usize, h: usize) -> Option<(usize, f32, f32)> {
     Some((y * w + x, ray.x - x as f32, ray.y - y as f32))
 }
 
+/// Sums that every ray adds to, `size` of them: a few fixed parts side by side, then added up in order.
+fn scattered<T: Copy + Default + Send>(
+    rays: &[Ray],
+    size: usize,
+    each: impl Fn(&Ray, &mut [T]) + Sync,
+    add: impl Fn(&mut T, &T),
+) -> Vec<T> {
+    let parts: Vec<Vec<T>> = rays
+        .par_chunks(rays.len().div_ceil(PARTS).max(1))
+        .map(|rays| {
+            let mut sums = vec![T::default(); size];
+            rays.iter().for_each(|ray| each(ray, &mut sums));
+            sums
+        })
+        .collect();
+    let mut total = vec![T::default(); size];
+    for part in &parts {
+        total.iter_mut().zip(part).for_each(|(a, b)| add(a, b));
+    }
+    total
+}
+
+/// Parts of the rays that are summed by themselves: the same on every machine.
+const PARTS: usize = 4;
+
 /// The image that the samples make: their means, and what these leave, added once more.
 fn fit(light: &[f32], rays: &[Ray], w: usize, h: usize) -> Plane {
     let mut image = vec![0f32; w * h];
     for _ in 0..2 {
-        let mut sums = vec![[0f32; 2]; w * h];
-        for ray in rays {
-            let Some((k, fx, fy)) = cell(ray, w, h) else { continue };
-            let b = [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy];
-            let r = light[ray.sample as usize]
-                - (b[0] * image[k] + b[1] * image[k + 1] + b[2] * image[k + w] + b[3] * image[k + w + 1]);
-            for (b, at) in b.into_iter().zip([k, k + 1, k + w, k + w + 1]) {
-                sums[at][0] += b * r;
-                sums[at][1] += b;
-            }
-        }
+        let add = |a: &mut [f32; 2], b: &[f32; 2]| *a = [a[0] + b[0], a[1] + b[1]];
+        let sums = scattered(
+            rays,
+            w * h,
+            |ray, sums: &mut [[f32; 2]]| {
+                let Some((k, fx, fy)) = cell(ray, w, h) else { return };
+                let b = [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy];
+                let r = light[ray.sample as usize]
+                    - (b[0] * image[k] + b[1] * image[k + 1] + b[2] * image[k + w] + b[3] * image[k + w + 1]);
+                for (b, at) in b.into_iter().zip([k, k + 1, k + w, k + w + 1]) {
+                    sums[at][0] += b * r;
+                    sums[at][1] += b;
+                }
+            },
+            add,
+        );
         for (p, s) in image.iter_mut().zip(&sums) {
             *p += s[0] / (s[1] + 1e-3);
         }
@@ -179,21 +218,22 @@ fn spread(light: &[f32], rays: &[Ray], image: &Plane) -> f32 {
 /// Every sample's vote, at the pixel nearest to it.
 fn vote(light: &[f32], rays: &[Ray], image: &Plane, views: (usize, usize), scale: [f32; 2], spread: f32) -> Vec<Vote> {
     let w = image.width;
-    let mut votes = vec![Vote::default(); w * image.height];
     let steps: Vec<[f32; 2]> = (0..views.0 * views.1).map(|k| step(views, k)).collect();
-    for ray in rays {
-        let Some((r, gx, gy)) = residual(light, ray, image) else { continue };
+    let each = |ray: &Ray, votes: &mut [Vote]| {
+        let Some((r, gx, gy)) = residual(light, ray, image) else { return };
         let u = steps[ray.view as usize];
         let g = -(gx * u[0] / scale[0] + gy * u[1] / scale[1]);
         let belief = 1.0 / (1.0 + (r / spread).powi(2));
         let weight = belief * belief;
-        let v = &mut votes[(ray.y + 0.5) as usize * w + (ray.x + 0.5) as usize];
-        v.normal += weight * g * g;
-        v.right += weight * g * r;
-        v.misfit += (r * r).min(spread * spread);
-        v.weight += 1.0;
-    }
-    votes
+        let misfit = (r * r).min(spread * spread);
+        votes[(ray.y + 0.5) as usize * w + (ray.x + 0.5) as usize].add(&Vote {
+            normal: weight * g * g,
+            right: weight * g * r,
+            misfit,
+            weight: 1.0,
+        });
+    };
+    scattered(rays, w * image.height, each, Vote::add)
 }
 
 /// Sums of the votes of the same surface around every pixel.
@@ -206,11 +246,7 @@ fn gather(votes: &[Vote], map: &Plane) -> Vec<Vote> {
             for y in t.saturating_sub(RADIUS)..=(t + RADIUS).min(h - 1) {
                 for x in s.saturating_sub(RADIUS)..=(s + RADIUS).min(w - 1) {
                     if (map.data[y * w + x] - own).abs() < SAME {
-                        let v = &votes[y * w + x];
-                        o.normal += v.normal;
-                        o.right += v.right;
-                        o.misfit += v.misfit;
-                        o.weight += v.weight;
+                        o.add(&votes[y * w + x]);
                     }
                 }
             }

@@ -1,0 +1,192 @@
+//! Planted surfaces seen by a small hexagonal camera: what refinement must gain, and where it must not lose.
+
+#![allow(clippy::unwrap_used, clippy::expect_used)] // a test may fail loudly
+
+use anyhow::Result;
+use lenslet::resample::multiview::{Fit, Options, hidden_score, render, render_light_field};
+use lenslet::resample::{Target, barycentric, cubic};
+use lenslet_core::decode::HexSamples;
+use lenslet_core::lightfield::{ColourSpace, LightField, Meta};
+use lenslet_core::progress::Silent;
+use lenslet_core::sampling::bicubic;
+use ndarray::{Array2, Array3, Array5, s};
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+
+const SENSOR: usize = 600;
+const SIDE: usize = 200;
+const PITCH: f64 = 10.0;
+
+/// Coarse shapes, and fine detail that lenslets 3.3 output pixels apart cannot hold; x, y in output pixels.
+fn texture(x: f64, y: f64) -> f64 {
+    let coarse = 0.12 * (0.21 * x + 0.35 * y).sin()
+        + 0.1 * (0.43 * x - 0.17 * y).cos()
+        + 0.06 * (0.31 * y + 0.02 * x * x.abs().sqrt()).sin();
+    0.5 + coarse + 0.07 * (1.3 * x + 0.5 * y).sin() + 0.06 * (0.7 * y - 1.2 * x).cos()
+}
+
+/// What is seen at (s, t) of the view (u, v) steps from the middle one; output pixels.
+type World = Box<dyn Fn(f64, f64, f64, f64) -> f64>;
+
+/// A surface whose disparity at the middle view's pixel (x, y) is `d`.
+fn surface(d: impl Fn(f64, f64) -> f64 + 'static) -> World {
+    Box::new(move |s, t, u, v| {
+        let (mut x, mut y) = (s, t);
+        for _ in 0..20 {
+            let here = d(x, y);
+            (x, y) = (s - here * u, t - here * v);
+        }
+        texture(x, y)
+    })
+}
+
+/// What a small camera measures of a world; `noise`: width of an even distribution.
+fn measured(world: &World, noise: f32) -> HexSamples {
+    let scale = SIDE as f64 / SENSOR as f64;
+    let mut centres = Vec::new();
+    let mut index = Vec::new();
+    for j in 0..70 {
+        for i in 0..61 {
+            let c = [(f64::from(i) + 0.5 * f64::from(j % 2)) * PITCH + 1.3, f64::from(j) * PITCH * 0.866 + 0.7];
+            if c[0] < SENSOR as f64 && c[1] < SENSOR as f64 {
+                centres.push(c);
+                index.push([i, j]);
+            }
+        }
+    }
+    let mut generator = ChaCha8Rng::seed_from_u64(12345);
+    let values = Array3::from_shape_fn((25, centres.len(), 1), |(k, n, _)| {
+        let (v, u) = ((k / 5) as f64 - 2.0, (k % 5) as f64 - 2.0);
+        let (s, t) = ((centres[n][0] + 0.5) * scale - 0.5, (centres[n][1] + 0.5) * scale - 0.5);
+        world(s, t, u, v) as f32 + noise * (generator.random::<f32>() - 0.5)
+    });
+    HexSamples { sensor: (SENSOR, SENSOR), centres, index, views: 5, view_step: 1.0, weights: vec![1.0; 25], values }
+}
+
+fn samples(d: impl Fn(f64, f64) -> f64 + 'static, noise: f32) -> HexSamples {
+    measured(&surface(d), noise)
+}
+
+const TARGET: Target = Target { width: SIDE, height: SIDE };
+
+/// PSNR of a view of the world, away from the border.
+fn seen(image: &Array3<f32>, world: &World, (v, u): (usize, usize)) -> f64 {
+    let (du, dv) = (u as f64 - 2.0, v as f64 - 2.0);
+    let (mut sum, mut n) = (0.0, 0);
+    for t in 20..SIDE - 20 {
+        for s in 20..SIDE - 20 {
+            sum += (f64::from(image[[t, s, 0]]) - world(s as f64, t as f64, du, dv)).powi(2);
+            n += 1;
+        }
+    }
+    -10.0 * (sum / f64::from(n)).log10()
+}
+
+fn psnr(image: &Array3<f32>, d: impl Fn(f64, f64) -> f64 + 'static, at: (usize, usize)) -> f64 {
+    seen(image, &surface(d), at)
+}
+
+fn one(samples: &HexSamples, options: Options, at: (usize, usize)) -> Array3<f32> {
+    let mut out = None;
+    let options = Options { views: Some(vec![at]), ..options };
+    let mut sink = |v: usize, u: usize, image: &Array3<f32>| {
+        assert_eq!((v, u), at);
+        out = Some(image.clone());
+        Ok(())
+    };
+    render(samples, &TARGET, &options, &mut sink, &Silent).unwrap();
+    out.unwrap()
+}
+
+fn single(samples: &HexSamples, at: (usize, usize)) -> (Array3<f32>, Array3<f32>) {
+    let values = samples.values.slice(s![at.0 * 5 + at.1, .., ..]);
+    let b = barycentric::view(&barycentric::prepare(samples, &TARGET).unwrap(), values).unwrap();
+    let c = cubic::view(&cubic::prepare(samples, &TARGET).unwrap(), values).unwrap();
+    (b, c)
+}
+
+#[test]
+fn without_texture_the_noise_goes_down() {
+    let mut samples = samples(|_, _| 0.0, 0.1);
+    let mut generator = ChaCha8Rng::seed_from_u64(7);
+    samples.values.mapv_inplace(|_| 0.4 + 0.02 * (generator.random::<f32>() - 0.5));
+    let error = |image: &Array3<f32>| image.iter().map(|v| (v - 0.4f32).powi(2)).sum::<f32>();
+    let (b, _) = single(&samples, (2, 2));
+    assert!(error(&one(&samples, Options::default(), (2, 2))) < error(&b));
+}
+
+#[test]
+fn triangulating_all_samples_gains_too_and_the_fit_more() {
+    let plane = |_: f64, _: f64| -0.9;
+    let samples = samples(plane, 0.01);
+    let known = || Some(Array2::from_elem((20, 20), -0.9f32));
+    let mesh = one(&samples, Options { fit: Fit::Triangulation, known: known(), ..Options::default() }, (2, 2));
+    let smooth = one(&samples, Options { known: known(), ..Options::default() }, (2, 2));
+    let (b, _) = single(&samples, (2, 2));
+    let [b, m, f] = [&b, &mesh, &smooth].map(|image| psnr(image, plane, (2, 2)));
+    assert!(m > b + 2.0 && f > b + 2.0, "barycentric {b:.2}, triangulation {m:.2}, fit {f:.2}");
+}
+
+#[test]
+fn the_result_does_not_depend_on_threads() {
+    let samples = samples(|x, _| 0.3 + 0.003 * x, 0.02);
+    let run = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| one(&samples, Options::default(), (1, 3)))
+    };
+    assert_eq!(run(1), run(3));
+}
+
+#[test]
+fn hidden_lenslets_are_foretold_better_with_the_other_views() {
+    let samples = samples(|_, _| -0.9, 0.01);
+    let score = |render: &mut dyn FnMut(&HexSamples) -> Result<Array3<f32>>| {
+        hidden_score(&samples, &TARGET, 0.1, 3, (2, 2), render).unwrap()
+    };
+    let alone = score(&mut |rest| Ok(single(rest, (2, 2)).0));
+    let together = score(&mut |rest| Ok(one(rest, Options::default(), (2, 2))));
+    assert_eq!(alone.lenslets, together.lenslets);
+    assert!(together.psnr > alone.psnr + 3.0, "{alone:?} {together:?}");
+}
+
+#[test]
+fn other_tools_light_fields_gain_in_size() {
+    // Views of 100 pixels, each sampled at its own disparity; enlarged twice.
+    let d = 0.45f64;
+    let mut meta = Meta::new([5, 5], [100, 100], 1, ColourSpace::Linear);
+    meta.method = None;
+    let data = Array5::from_shape_fn((5, 5, 100, 100, 1), |(v, u, t, s, _)| {
+        let (x, y) = (2.0 * (s as f64 - d * (u as f64 - 2.0)) + 0.5, 2.0 * (t as f64 - d * (v as f64 - 2.0)) + 0.5);
+        texture(x, y) as f32
+    });
+    let field = LightField { meta, data };
+    let mut image = None;
+    let options = Options { views: Some(vec![(2, 2)]), ..Options::default() };
+    let mut sink = |_: usize, _: usize, view: &Array3<f32>| {
+        image = Some(view.clone());
+        Ok(())
+    };
+    render_light_field(&field, &TARGET, &options, &mut sink, &Silent).unwrap();
+    let alone = bicubic::resize(field.data.slice(s![2, 2, .., .., ..]), SIDE, SIDE).unwrap();
+    let flat = |_: f64, _: f64| 0.0;
+    let (before, after) = (psnr(&alone, flat, (2, 2)), psnr(&image.unwrap(), flat, (2, 2)));
+    assert!(after > before + 2.0, "{after:.2} dB after {before:.2}");
+}
+
+#[test]
+fn impossible_samples_are_refused() {
+    let good = samples(|_, _| 0.0, 0.0);
+    let mut sink = |_: usize, _: usize, _: &Array3<f32>| Ok(());
+    let mut fewer = good.clone();
+    fewer.centres.pop();
+    assert!(render(&fewer, &TARGET, &Options::default(), &mut sink, &Silent).is_err());
+    let options = Options { views: Some(vec![(5, 0)]), ..Options::default() };
+    assert!(render(&good, &TARGET, &options, &mut sink, &Silent).is_err());
+    let options = Options { known: Some(Array2::from_elem((3, 3), f32::NAN)), ..Options::default() };
+    assert!(render(&good, &TARGET, &options, &mut sink, &Silent).is_err());
+    let mut strange = good.clone();
+    strange.values.fill(f32::NAN);
+    let _ = render(&strange, &TARGET, &Options::default(), &mut sink, &Silent);
+    assert!(hidden_score(&good, &TARGET, 0.9, 1, (2, 2), &mut |_| unreachable!()).is_err());
+    assert!(hidden_score(&good, &TARGET, 0.1, 1, (9, 2), &mut |_| unreachable!()).is_err());
+}
