@@ -1,5 +1,6 @@
 //! Times sparse coding: `sparse_code D.npy Y.npy LAMBDA [--threads N] [--tol T] [--objectives FILE.npy] [--solver NAME]`
-//! [--nonzeros T] [--nonnegative] [--repeats R] prints one JSON object, times being medians over the repeats (see docs/sparse-coding.md).
+//! [--nonzeros T] [--nonnegative] [--weights W.npy] [--repeats R] prints one JSON object, times being medians over the
+//! repeats (see docs/sparse-coding.md).
 
 use anyhow::{Context, anyhow, bail};
 use lenslet_core::sparse::{self, Options, Penalty, Solver};
@@ -10,7 +11,7 @@ fn main() -> anyhow::Result<()> {
     let mut plain = Vec::new();
     let (mut threads, mut objectives_file, mut repeats) = (1usize, None, 1usize);
     let mut options = Options::default();
-    let mut nonzeros = None;
+    let (mut nonzeros, mut weights) = (None, None);
     let mut args = std::env::args().skip(1);
     while let Some(arg) = args.next() {
         let mut value = || args.next().ok_or_else(|| anyhow!("{arg} needs a value"));
@@ -20,6 +21,7 @@ fn main() -> anyhow::Result<()> {
             "--repeats" => repeats = value()?.parse().context("--repeats takes a number")?,
             "--nonzeros" => nonzeros = Some(value()?.parse().context("--nonzeros takes a number")?),
             "--nonnegative" => options.nonnegative = true,
+            "--weights" => weights = Some(value()?),
             "--objectives" => objectives_file = Some(value()?),
             "--solver" => options.solver = solver(&value()?)?,
             other if other.starts_with("--") => bail!("unknown option {other}"),
@@ -31,6 +33,10 @@ fn main() -> anyhow::Result<()> {
     };
     let atoms: Array2<f32> = ndarray_npy::read_npy(atoms).with_context(|| format!("cannot read {atoms}"))?;
     let signals: Array2<f32> = ndarray_npy::read_npy(signals).with_context(|| format!("cannot read {signals}"))?;
+    let weights: Option<Array2<f32>> = match &weights {
+        Some(file) => Some(ndarray_npy::read_npy(file).with_context(|| format!("cannot read {file}"))?),
+        None => None,
+    };
     options.penalty = match nonzeros {
         Some(most) => Penalty::NonZeros(most),
         None => Penalty::Lambda(lambda.parse().context("LAMBDA is a number")?),
@@ -42,7 +48,10 @@ fn main() -> anyhow::Result<()> {
     for _ in 0..repeats.max(1) {
         let (wall, cpu) = (Instant::now(), cpu_seconds());
         let dictionary = sparse::prepare(atoms.view())?;
-        let codes = pool.install(|| sparse::solve(&dictionary, signals.view(), &options))?;
+        let codes = pool.install(|| match &weights {
+            Some(weights) => sparse::solve_weighted(&dictionary, signals.view(), weights.view(), &options),
+            None => sparse::solve(&dictionary, signals.view(), &options),
+        })?;
         walls.push(wall.elapsed().as_secs_f64());
         cpus.push(cpu_seconds() - cpu);
         solved = Some((dictionary, codes));
