@@ -6,6 +6,10 @@ use rayon::prelude::*;
 
 use super::disparity::{self, LUMINANCE, cubic_weights};
 
+/// Rows of the picture made together: every row of a view is fetched once for the four output rows it enters, and the sums
+/// of a band stay in the cache of a core.
+const BAND: usize = 16;
+
 /// Which views count how much.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Shape {
@@ -41,11 +45,14 @@ pub fn refocus(data: &ArrayView5<f32>, disparity: f32, aperture: &ArrayView2<f32
     let mut out = Array3::<f32>::zeros((height, width, channels));
     let stride = width * channels;
     let Some(flat) = out.as_slice_mut() else { anyhow::bail!("the image is not contiguous") };
-    flat.par_chunks_mut(stride).enumerate().for_each(|(t, row)| {
-        let mut weight = vec![0f32; width + 1];
-        // Views of one column move sideways together: their rows are added up first. Two pixels of margin on each side.
+    flat.par_chunks_mut((stride * BAND).max(1)).enumerate().for_each(|(b, band)| {
+        let lines = band.len() / stride;
+        // Two pixels of margin on each side.
         let margin = 2 * channels;
-        let mut sum = vec![0f32; stride + 2 * margin];
+        let padded = stride + 2 * margin;
+        let mut sums = vec![0f32; lines * padded];
+        let mut through = vec![0f32; lines];
+        let mut weights = vec![0f32; lines * (width + 1)];
         for u in 0..columns {
             let dx = disparity * (u as f32 - (columns / 2) as f32);
             let (ix, fx) = (dx.floor(), dx - dx.floor());
@@ -56,40 +63,53 @@ pub fn refocus(data: &ArrayView5<f32>, disparity: f32, aperture: &ArrayView2<f32
             if from >= to {
                 continue;
             }
-            sum.fill(0.0);
-            let mut through = 0f32;
+            // Views of one column move sideways together: their rows are added up first.
+            sums.fill(0.0);
+            through.fill(0.0);
             for v in 0..rows {
-                let (a, y) = (aperture[[v, u]], t as f32 + disparity * (v as f32 - (rows / 2) as f32));
-                if a > 0.0 && y >= 0.0 && y <= (height - 1) as f32 {
-                    add_rows(&data.slice(s![v, u, .., .., ..]), y, a, &mut sum[margin..margin + stride]);
-                    through += a;
+                let a = aperture[[v, u]];
+                if a <= 0.0 {
+                    continue;
                 }
-            }
-            if through <= 0.0 {
-                continue;
-            }
-            for k in 0..margin {
-                sum[k] = sum[margin + k % channels];
-                sum[margin + stride + k] = sum[stride + margin - channels + k % channels];
+                let view = data.slice(s![v, u, .., .., ..]);
+                for (k, (sum, through)) in sums.chunks_exact_mut(padded).zip(&mut through).enumerate() {
+                    let y = (b * BAND + k) as f32 + disparity * (v as f32 - (rows / 2) as f32);
+                    if y >= 0.0 && y <= (height - 1) as f32 {
+                        add_rows(&view, y, a, &mut sum[margin..margin + stride]);
+                        *through += a;
+                    }
+                }
             }
             let w = cubic_weights(fx);
             // First tap of pixel `from`: one left of from + ix, in a row that begins two pixels early.
             let start = ((from as f32 + ix) as usize + 1) * channels;
             let n = (to - from) * channels;
-            let tap = |k: usize| &sum[start + k * channels..start + k * channels + n];
-            let taps = tap(0).iter().zip(tap(1)).zip(tap(2).iter().zip(tap(3)));
-            for (o, ((p, q), (r, s))) in row[from * channels..to * channels].iter_mut().zip(taps) {
-                *o += w[0] * p + w[1] * q + w[2] * r + w[3] * s;
+            let lines = band.chunks_exact_mut(stride).zip(weights.chunks_exact_mut(width + 1));
+            for ((row, weight), (sum, &through)) in lines.zip(sums.chunks_exact_mut(padded).zip(&through)) {
+                if through <= 0.0 {
+                    continue;
+                }
+                for k in 0..margin {
+                    sum[k] = sum[margin + k % channels];
+                    sum[margin + stride + k] = sum[stride + margin - channels + k % channels];
+                }
+                let tap = |k: usize| &sum[start + k * channels..start + k * channels + n];
+                let taps = tap(0).iter().zip(tap(1)).zip(tap(2).iter().zip(tap(3)));
+                for (o, ((p, q), (r, s))) in row[from * channels..to * channels].iter_mut().zip(taps) {
+                    *o += w[0] * p + w[1] * q + w[2] * r + w[3] * s;
+                }
+                weight[from] += through;
+                weight[to] -= through;
             }
-            weight[from] += through;
-            weight[to] -= through;
         }
-        let mut sum = 0f32;
-        for (pixel, w) in row.chunks_exact_mut(channels).zip(&weight) {
-            sum += w;
-            // What is left of the sum after all views ended is rounding, not weight.
-            let share = if sum > 1e-4 { 1.0 / sum } else { 0.0 };
-            pixel.iter_mut().for_each(|p| *p *= share);
+        for (row, weight) in band.chunks_exact_mut(stride).zip(weights.chunks_exact(width + 1)) {
+            let mut sum = 0f32;
+            for (pixel, w) in row.chunks_exact_mut(channels).zip(weight) {
+                sum += w;
+                // What is left of the sum after all views ended is rounding, not weight.
+                let share = if sum > 1e-4 { 1.0 / sum } else { 0.0 };
+                pixel.iter_mut().for_each(|p| *p *= share);
+            }
         }
     });
     Ok(out)
