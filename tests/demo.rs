@@ -2,7 +2,12 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
 
+use std::path::Path;
 use std::process::{Command, Output};
+
+use browser::Browser;
+
+mod browser;
 
 fn lenslet(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_lenslet")).arg("-q").args(arguments).output().unwrap()
@@ -20,9 +25,15 @@ fn demo_runs_scores_and_writes_a_page_that_needs_nothing_else() {
     assert!(score("bicubic") < score("barycentric") && score("barycentric") < score("learned"), "{json}");
     assert!(json["calibration"]["centre_rms"].as_f64().unwrap() < 0.1, "{json}");
 
-    for file in
-        ["comparison.png", "pictures/barycentric.png", "pictures/truth.png", "camera.calib", "simulated/capture.lfp"]
-    {
+    for file in [
+        "viewer.html",
+        "refocus.png",
+        "comparison.png",
+        "pictures/barycentric.png",
+        "pictures/truth.png",
+        "camera.calib",
+        "simulated/capture.lfp",
+    ] {
         assert!(out.join(file).is_file(), "{file} is missing");
     }
     assert!(std::fs::metadata(out.join("comparison.png")).unwrap().len() < 400_000);
@@ -36,11 +47,59 @@ fn demo_runs_scores_and_writes_a_page_that_needs_nothing_else() {
     }
     assert!(page.contains("Content-Security-Policy") && page.contains(&format!("{:.2}", score("bicubic"))));
 
+    in_a_browser(&out);
+
     // A second run is refused, and replaces the first one when told to.
     let again = lenslet(&arguments);
     assert_eq!(again.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&again.stderr).contains("--force"));
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
+}
+
+/// The page by mouse and keyboard, wide and narrow, light and dark.
+fn in_a_browser(out: &Path) {
+    let Some(mut browser) = Browser::start() else { return };
+    browser.window(1280, 900, false);
+    browser.open(&out.join("report.html"), "");
+    browser.wait("document.querySelector('.compare.live')");
+    // Dragging moves the border between the two pictures.
+    let [x, y, w, _] = browser.place(".compare .frame");
+    browser.drag([x, y], [x + 0.3 * w, y], 4);
+    let cut = |browser: &mut Browser| {
+        let text = browser.value("document.querySelector('.compare .frame').style.getPropertyValue('--cut')");
+        text.as_str().unwrap().trim_end_matches('%').parse::<f64>().unwrap()
+    };
+    let dragged = cut(&mut browser);
+    assert!((dragged - 80.0).abs() < 1.0, "dragged to {dragged} %");
+    // The slider by keyboard.
+    browser.value("document.querySelector('.compare input').focus(), 0");
+    (0..4).for_each(|_| browser.key("ArrowLeft"));
+    assert!(cut(&mut browser) < dragged);
+    // Arrow keys on the picture move the piece that is enlarged below.
+    let spot = "document.querySelector('.compare .spot').style.left";
+    let piece = "document.querySelector('.compare .loupe canvas').toDataURL()";
+    let before = (browser.value(spot), browser.value(piece));
+    browser.value("document.querySelector('.compare .frame').focus(), 0");
+    (0..8).for_each(|_| browser.key("ArrowRight"));
+    assert!(browser.value(spot) != before.0 && browser.value(piece) != before.1);
+    // Any other method at the left.
+    browser.value(
+        "{ const s = document.querySelector('.compare select'); s.value = 2; s.dispatchEvent(new Event('change')); }",
+    );
+    assert_eq!(browser.value("document.querySelector('.compare .name.left').textContent"), "cubic");
+    let mut papers = std::collections::HashSet::new();
+    for (width, dark) in [(1280, false), (1280, true), (400, false), (400, true)] {
+        for page in ["report.html", "viewer.html"] {
+            browser.window(width, 900, dark);
+            browser.open(&out.join(page), "");
+            let wide = browser.value("document.documentElement.scrollWidth").as_u64().unwrap();
+            assert!(wide <= u64::from(width), "{page} is {wide} pixels wide in a window of {width}");
+            papers.insert(browser.value("getComputedStyle(document.body).backgroundColor").to_string());
+        }
+    }
+    assert_eq!(papers.len(), 2, "one paper for light, one for dark, the same on both pages: {papers:?}");
+    browser.wait("document.documentElement.dataset.ready");
+    assert_eq!(browser.complaints(), [""; 0]);
 }
 
 #[test]

@@ -287,7 +287,8 @@ pub fn plan(settings: &Settings) -> Result<Vec<Run>> {
             }
             if real(experiment) && !settings.whites.is_empty() {
                 for capture in &settings.captures {
-                    for seed in settings.seeds() {
+                    // Another seed hides other lenslets of the same capture, which changes little: one will do for a look.
+                    for seed in settings.seeds().take(if settings.quick { 1 } else { usize::MAX }) {
                         let subject = Subject::Capture(capture.clone());
                         runs.push(run(settings, experiment, &variant, &chain, subject, seed));
                     }

@@ -8,6 +8,7 @@ use lenslet_core::output;
 use super::check::Verdict;
 use super::table::{Row, SCORES, Table, best, of_name, words};
 use super::{picture, plot};
+use crate::report::plot::{Series, curves};
 use crate::report::{self, Page, Picture, Stage};
 
 /// Scores that are plotted where an experiment has them.
@@ -71,6 +72,12 @@ fn section(page: &mut Page, out: &Path, table: &Table) {
             page.drawing(&svg, &caption);
         }
     }
+    if let Some(svg) = against_time(table) {
+        page.drawing(
+            &svg,
+            "PSNR of the middle view over the seconds the dictionary took to train, each point a variant.",
+        );
+    }
     let mut shown =
         report::Table { caption: "Mean ± standard deviation over seeds".into(), ..report::Table::default() };
     shown.head = ["variant", "subject"].map(String::from).to_vec();
@@ -100,6 +107,21 @@ fn section(page: &mut Page, out: &Path, table: &Table) {
         let rows: Vec<&Row> = table.rows.iter().filter(|r| r.subject == subject && !r.pictures.is_empty()).collect();
         pictures(page, out, subject, &rows);
     }
+}
+
+/// What training time buys: PSNR over seconds, a point a variant, on the first subject.
+fn against_time(table: &Table) -> Option<String> {
+    let column = |name: &str| table.columns.iter().position(|c| c == name);
+    let (x, y) = (column("train_seconds")?, column("psnr")?);
+    let subject = &table.rows.first()?.subject;
+    let series: Vec<Series> = table
+        .rows
+        .iter()
+        .filter(|r| r.subject == *subject)
+        .filter_map(|r| Some((r, r.cells[x]?, r.cells[y]?)))
+        .map(|(r, x, y)| Series { name: r.variant.clone(), points: vec![[x.mean, y.mean]] })
+        .collect();
+    (series.len() > 1).then(|| curves("training, seconds", "PSNR, dB", &series))
 }
 
 /// A slider between any two variants and the truth, then every difference from the truth.
@@ -166,5 +188,18 @@ mod tests {
         // Three crops, one truth, two differences.
         assert_eq!(page.matches("src=\"data:image/png").count(), 6);
         assert!(page.contains("2.00") && page.contains("holds"), "no margin");
+    }
+
+    #[test]
+    fn training_time_is_drawn_where_there_is_any() {
+        let mut records =
+            vec![record("dictionary", "small", 1, Some(20.0)), record("dictionary", "large <b>", 1, Some(21.0))];
+        assert!(against_time(&tables(&records)[0]).is_none());
+        for (k, r) in records.iter_mut().enumerate() {
+            r.scores.insert("train_seconds".into(), 3.0 + k as f64);
+        }
+        let svg = against_time(&tables(&records)[0]).unwrap();
+        assert_eq!(svg.matches("<circle").count(), 2);
+        assert!(svg.contains("large &lt;b&gt;"));
     }
 }

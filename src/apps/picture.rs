@@ -1,6 +1,7 @@
-//! Pictures for the screen: linear light to 8-bit sRGB, PNG, JPEG and animated GIF in memory.
+//! Pictures for the screen: linear light to 8-bit sRGB, PNG, JPEG, animated GIF and PNG in memory.
 
 use anyhow::{Context as _, Result, ensure};
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use lenslet_core::lightfield::{ColourSpace, LightField, colour};
 use ndarray::{Array3, ArrayView3, Zip};
@@ -114,7 +115,7 @@ fn overlaps(from: usize, to: usize) -> Vec<Vec<(usize, f32)>> {
 /// When the picture is empty.
 pub fn png(picture: &Picture) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    image::codecs::png::PngEncoder::new(&mut bytes)
+    PngEncoder::new_with_quality(&mut bytes, CompressionType::Default, FilterType::Adaptive)
         .write_image(&picture.rgb, picture.width as u32, picture.height as u32, ExtendedColorType::Rgb8)
         .context("the picture cannot be encoded as PNG")?;
     Ok(bytes)
@@ -129,7 +130,7 @@ pub fn png_grey16(values: &ndarray::Array2<f32>) -> Result<Vec<u8>> {
     let data: Vec<u8> =
         values.iter().flat_map(|v| ((v.clamp(0.0, 1.0) * 65535.0 + 0.5) as u16).to_ne_bytes()).collect();
     let mut bytes = Vec::new();
-    image::codecs::png::PngEncoder::new(&mut bytes)
+    PngEncoder::new(&mut bytes)
         .write_image(&data, width as u32, height as u32, ExtendedColorType::L16)
         .context("the picture cannot be encoded as PNG")?;
     Ok(bytes)
@@ -147,16 +148,41 @@ pub fn jpeg(picture: &Picture, quality: u8) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// An endless animated GIF's bytes; all pictures of one size, `delay` in hundredths of a second.
-///
-/// # Errors
-/// When there are no pictures, they differ in size, or exceed 65535 pixels a side.
-pub fn gif(pictures: &[Picture], delay: u16) -> Result<Vec<u8>> {
+/// The first picture of an animation, if it is one.
+fn same_size(pictures: &[Picture]) -> Result<&Picture> {
     let first = pictures.first().context("an animation needs at least one picture")?;
     ensure!(
         pictures.iter().all(|p| (p.width, p.height) == (first.width, first.height)),
         "the pictures of an animation must be of one size"
     );
+    Ok(first)
+}
+
+/// An endless animated PNG's bytes, every colour kept; all pictures of one size, `delay` in hundredths of a second.
+///
+/// # Errors
+/// When there are no pictures, or they are empty or differ in size.
+pub fn apng(pictures: &[Picture], delay: u16) -> Result<Vec<u8>> {
+    let first = same_size(pictures)?;
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, first.width as u32, first.height as u32);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_animated(pictures.len() as u32, 0)?;
+    encoder.set_frame_delay(delay, 100)?;
+    let mut writer = encoder.write_header()?;
+    for picture in pictures {
+        writer.write_image_data(&picture.rgb)?;
+    }
+    writer.finish()?;
+    Ok(bytes)
+}
+
+/// An endless animated GIF's bytes; all pictures of one size, `delay` in hundredths of a second.
+///
+/// # Errors
+/// When there are no pictures, they differ in size, or exceed 65535 pixels a side.
+pub fn gif(pictures: &[Picture], delay: u16) -> Result<Vec<u8>> {
+    let first = same_size(pictures)?;
     let (width, height) = (u16::try_from(first.width)?, u16::try_from(first.height)?);
     let frames: Vec<gif::Frame> = pictures
         .par_iter()
@@ -215,6 +241,15 @@ mod tests {
         }
         assert_eq!(values, [10, 200]);
         assert!(gif(&[], 5).is_err());
+        let bytes = apng(&[picture(10), picture(200)], 5).unwrap();
+        let mut reader = png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
+        assert_eq!(reader.info().animation_control().map(|a| (a.num_frames, a.num_plays)), Some((2, 0)));
+        for value in [10, 200] {
+            let mut frame = vec![0; reader.output_buffer_size().unwrap()];
+            reader.next_frame(&mut frame).unwrap();
+            assert!(frame.iter().all(|v| *v == value));
+        }
+        assert!(apng(&[], 5).is_err());
         assert!(gif(&[picture(1), Picture { width: 1, height: 1, rgb: vec![0; 3] }], 5).is_err());
     }
 }

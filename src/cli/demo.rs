@@ -21,13 +21,16 @@ use serde_json::{Value, json};
 
 use super::{Context, Interrupted, Outcome, Usage};
 
+mod play;
+
 /// Show everything on a simulated capture: no input needed
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Example: lenslet demo --out lenslet-demo
 
 Simulates a capture with its white images, calibrates from these, decodes 7x7 views, reconstructs them by every method,
-scores each against the simulated truth. Writes report.html, comparison.png, pictures/, camera.calib and simulated/.")]
+scores each against the simulated truth, and makes a page to refocus and look around in. Writes report.html, viewer.html,
+comparison.png, refocus.png, pictures/, camera.calib and simulated/.")]
 pub struct Args {
     /// Directory to write
     #[arg(long, default_value = "lenslet-demo", value_name = "DIR")]
@@ -115,9 +118,10 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         return Err(Interrupted.into());
     }
     write_pictures(&root, &results, &truth[0])?;
+    let played = play::write(&root, &samples, &Target { width: size.0, height: size.1 }, observer)?;
     let seconds = began.elapsed().as_secs_f64();
     let json = record(args, &calibrated, &results, seconds);
-    let page = page(args, &camera, &calibrated, &results, &truth[0], simulated)?;
+    let page = page(args, &camera, &calibrated, &results, &truth[0], &played, simulated)?;
     output::write_file(&root.join("report.html"), false, page.as_bytes())?;
     output::write_file(&root.join("scores.json"), false, serde_json::to_string_pretty(&json)?.as_bytes())?;
     pending.commit()?;
@@ -289,7 +293,8 @@ fn summary(args: &Args, calibrated: &Calibrated, results: &[Reconstruction], sec
         let s = r.scores[0];
         let _ = writeln!(text, "{:<24}{:>9.2}{:>9.2}{:>8.4}", r.name, s.psnr_rgb, s.psnr_y, s.ssim_y);
     }
-    let _ = write!(text, "\n{seconds:.0} s; look at {}", args.out.join("report.html").display());
+    let page = |name: &str| args.out.join(name).display().to_string();
+    let _ = write!(text, "\n{seconds:.0} s; look at {}, play with {}", page("report.html"), page(play::PAGE));
     text
 }
 
@@ -299,6 +304,7 @@ fn page(
     calibrated: &Calibrated,
     results: &[Reconstruction],
     truth: &Array3<f32>,
+    played: &play::Pictures,
     simulated: f64,
 ) -> anyhow::Result<String> {
     let mut page = Page::new(
@@ -337,6 +343,14 @@ fn page(
         .map(|r| Ok((Picture::jpeg(&picture::difference(&r.views[0], truth, 5.0), 85)?, r.name.to_owned())))
         .collect::<anyhow::Result<Vec<_>>>()?;
     page.figures(&figures);
+    page.heading("What a light field is for");
+    page.paragraph("All 7x7 views together: focus chosen after the fact, and how far away everything is.");
+    let figures = played
+        .iter()
+        .map(|(name, view)| Ok((Picture::png(view, 1)?, name.clone())))
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    page.figures(&figures);
+    page.link(play::PAGE, "The same light field to play with: click to focus, drag to look around.");
     calibration_section(&mut page, camera, calibrated);
     page.heading("How it was made");
     page.paragraph(&format!(

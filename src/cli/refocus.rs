@@ -21,7 +21,7 @@ Example: lenslet refocus decoded/ --at 540,700 --out sharp-there.png
          lenslet refocus decoded/ --sweep=-1.5:1.5:31 --out stack.gif
 
 Disparity is the shift of a scene point between neighbouring views, in pixels. The output's name decides what is
-written: .png a picture, .gif an animation, anything else a directory with one numbered PNG a slice.")]
+written: .png a picture, .gif or .apng an animation, anything else a directory with one numbered PNG a slice.")]
 pub struct Args {
     /// The light field
     light_field: PathBuf,
@@ -112,7 +112,7 @@ pub fn ending(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
 }
 
-/// Writes pictures as one PNG, one GIF, or a directory of numbered PNGs, as the name says.
+/// Writes pictures as one PNG, an animation (GIF, APNG), or a directory of numbered PNGs, as the name says.
 pub fn write_pictures(
     out: &Path,
     force: bool,
@@ -122,6 +122,7 @@ pub fn write_pictures(
 ) -> anyhow::Result<()> {
     match ending(out).as_str() {
         "gif" => output::write_file(out, force, &picture::gif(pictures, delay)?)?,
+        "apng" => output::write_file(out, force, &picture::apng(pictures, delay)?)?,
         "png" => {
             let [one] = pictures else { anyhow::bail!("{} pictures do not fit into one PNG", pictures.len()) };
             output::write_file(out, force, &picture::png(one)?)?;
@@ -145,7 +146,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     }
     let many = matches!(&focus, Focus::Disparities(list) if list.len() > 1);
     if many && ending(&args.out) == "png" {
-        return Err(Usage("a sweep needs an --out that is a .gif or a directory, not one .png".into()).into());
+        return Err(Usage("a sweep needs an --out that is a .gif, an .apng or a directory, not one .png".into()).into());
     }
     context.progress.begin("reading", 0);
     let field = load(&args.light_field, args.views)?;

@@ -16,8 +16,8 @@ use super::{Context, Outcome, Usage};
 #[command(after_help = "\
 Example: lenslet viewpoint decoded/ --path circle --out wiggle.gif
 
-Views between the measured ones follow each pixel's disparity. The output's name decides: .gif an animation, anything
-else a directory of numbered PNGs.")]
+Views between the measured ones follow each pixel's disparity. The output's name decides: .gif an animation of 256
+colours, .apng one of all colours, anything else a directory of numbered PNGs.")]
 pub struct Args {
     /// The light field
     light_field: PathBuf,
@@ -40,7 +40,7 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = parse_views)]
     views: Option<[usize; 2]>,
     /// Where to write
-    #[arg(long, value_name = "FILE.gif|DIR")]
+    #[arg(long, value_name = "FILE.gif|FILE.apng|DIR")]
     out: PathBuf,
     /// Replace what is there
     #[arg(long)]
@@ -49,7 +49,9 @@ pub struct Args {
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if ending(&args.out) == "png" {
-        return Err(Usage("an animation needs an --out that is a .gif or a directory, not one .png".into()).into());
+        return Err(
+            Usage("an animation needs an --out that is a .gif, an .apng or a directory, not one .png".into()).into()
+        );
     }
     if args.radius.is_some_and(|r| !(r.is_finite() && r > 0.0)) || args.hold.is_some_and(|d| !d.is_finite()) {
         return Err(Usage("--radius must be above 0, --hold a number".into()).into());

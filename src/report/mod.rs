@@ -14,10 +14,12 @@ use sha2::{Digest as _, Sha256};
 pub use compare::{Stage, comparison};
 pub use picture::Picture;
 
-/// Style of the pages, also used by the viewer.
+/// Style of the pages; the viewer adds to it.
 pub const STYLE: &str = include_str!("style.css");
+/// What the scripts of report and viewer begin with.
+pub const COMMON_SCRIPT: &str = include_str!("common.js");
 /// Script of the comparisons.
-pub const SCRIPT: &str = include_str!("script.js");
+const SCRIPT: &str = concat!(include_str!("common.js"), include_str!("script.js"));
 
 /// Text made safe for HTML, in elements and in quoted attributes.
 pub fn escape(text: &str) -> String {
@@ -91,6 +93,11 @@ impl Page {
         self.body.push_str("</ul>\n");
     }
 
+    /// A line with a link to a file beside the page.
+    pub fn link(&mut self, file: &str, text: &str) {
+        let _ = writeln!(self.body, "<p><a href=\"{}\">{}</a></p>", escape(file), escape(text));
+    }
+
     /// Lines of code, as they are.
     pub fn code(&mut self, text: &str) {
         let _ = writeln!(self.body, "<pre><code>{}</code></pre>", escape(text));
@@ -150,17 +157,22 @@ impl Page {
 
     /// The whole page.
     pub fn finish(self) -> String {
-        format!(
-            "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n\
-             <meta http-equiv=\"Content-Security-Policy\" content=\"{}\">\n\
-             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-             <meta name=\"color-scheme\" content=\"light dark\">\n\
-             <title>{}</title>\n<style>{STYLE}</style></head>\n<body><main>\n{}</main>\n<script>{SCRIPT}</script>\n</body></html>\n",
-            escape(&policy(SCRIPT, STYLE)),
-            escape(&self.title),
-            self.body
-        )
+        document(&self.title, STYLE, &format!("<main>\n{}</main>", self.body), SCRIPT)
     }
+}
+
+/// A whole HTML document with its title (any text), one style, a body of HTML and the script at its end; its policy lets
+/// nothing else in.
+pub fn document(title: &str, style: &str, body: &str, script: &str) -> String {
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"{}\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n\
+         <title>{}</title>\n<style>{style}</style></head>\n<body>{body}\n<script>{script}</script>\n</body></html>\n",
+        escape(&policy(script, style)),
+        escape(title)
+    )
 }
 
 #[cfg(test)]

@@ -1,14 +1,12 @@
 //! Pictures for pages and files: views and crops as PNG or JPEG, difference maps, strips of crops with names.
 
-use anyhow::{Context as _, ensure};
+use anyhow::ensure;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use image::codecs::jpeg::JpegEncoder;
-use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{ExtendedColorType, ImageEncoder as _};
 use ndarray::{Array3, s};
 
 use super::escape;
+use crate::apps::picture as pixels;
 
 /// An encoded picture, ready to be embedded.
 #[derive(Debug, Clone)]
@@ -56,34 +54,15 @@ impl Crop {
     }
 }
 
-/// Encoded values 0..1 as 8-bit RGB, row-major; one channel becomes grey.
-pub fn bytes(view: &Array3<f32>) -> Vec<u8> {
-    let channels = view.dim().2;
-    let mut out = Vec::with_capacity(view.dim().0 * view.dim().1 * 3);
-    for row in view.outer_iter() {
-        for pixel in row.outer_iter() {
-            for c in 0..3 {
-                let value = pixel.get(c.min(channels.saturating_sub(1))).copied().unwrap_or(0.0);
-                out.push((value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8);
-            }
-        }
-    }
-    out
-}
-
 impl Picture {
     /// Encodes a view (t, s, c) of encoded values 0..1 as PNG; every pixel is shown as `zoom` of them.
     ///
     /// # Errors
     /// When the view is empty or cannot be encoded.
     pub fn png(view: &Array3<f32>, zoom: usize) -> anyhow::Result<Picture> {
-        let (height, width, channels) = view.dim();
-        ensure!(height > 0 && width > 0 && channels > 0, "a picture of {width}x{height} pixels cannot be written");
-        let mut out = Vec::new();
-        PngEncoder::new_with_quality(&mut out, CompressionType::Default, FilterType::Adaptive)
-            .write_image(&bytes(view), width as u32, height as u32, ExtendedColorType::Rgb8)
-            .context("cannot encode a PNG")?;
-        Ok(Picture { width, height, zoom, kind: "image/png", bytes: out })
+        let (height, width) = size(view)?;
+        let bytes = pixels::png(&pixels::from_encoded(&view.view()))?;
+        Ok(Picture { width, height, zoom, kind: "image/png", bytes })
     }
 
     /// As [`Picture::png`], as JPEG of `quality` 1..=100.
@@ -91,13 +70,9 @@ impl Picture {
     /// # Errors
     /// As [`Picture::png`].
     pub fn jpeg(view: &Array3<f32>, quality: u8) -> anyhow::Result<Picture> {
-        let (height, width, channels) = view.dim();
-        ensure!(height > 0 && width > 0 && channels > 0, "a picture of {width}x{height} pixels cannot be written");
-        let mut out = Vec::new();
-        JpegEncoder::new_with_quality(&mut out, quality.clamp(1, 100))
-            .write_image(&bytes(view), width as u32, height as u32, ExtendedColorType::Rgb8)
-            .context("cannot encode a JPEG")?;
-        Ok(Picture { width, height, zoom: 1, kind: "image/jpeg", bytes: out })
+        let (height, width) = size(view)?;
+        let bytes = pixels::jpeg(&pixels::from_encoded(&view.view()), quality.clamp(1, 100))?;
+        Ok(Picture { width, height, zoom: 1, kind: "image/jpeg", bytes })
     }
 
     /// The picture as an address that holds it whole.
@@ -116,6 +91,13 @@ impl Picture {
             self.address()
         )
     }
+}
+
+/// Height and width of a view that has any pixels.
+fn size(view: &Array3<f32>) -> anyhow::Result<(usize, usize)> {
+    let (height, width, channels) = view.dim();
+    ensure!(height > 0 && width > 0 && channels > 0, "a picture of {width}x{height} pixels cannot be written");
+    Ok((height, width))
 }
 
 /// Difference of two pictures, mean over the channels, times `gain`: blue where `result` is darker, red where it is
@@ -192,7 +174,7 @@ mod tests {
         let picture = Picture::png(&view, 2).unwrap();
         let back = image::load_from_memory(&picture.bytes).unwrap().into_rgb8();
         assert_eq!((back.width(), back.height()), (7, 5));
-        assert_eq!(back.into_raw(), bytes(&view));
+        assert_eq!(back.into_raw(), pixels::from_encoded(&view.view()).rgb);
         assert!(picture.element("x").contains("width=\"14\" height=\"10\""));
         assert!(Picture::png(&Array3::zeros((0, 3, 3)), 1).is_err());
     }

@@ -50,7 +50,7 @@ pub fn curves(x_name: &str, y_name: &str, series: &[Series]) -> String {
     let ((x0, x1), (y0, y1)) = (range(0), range(1));
     let px = |x: f64| LEFT + (x - x0) / (x1 - x0) * (WIDTH - LEFT - RIGHT);
     let py = |y: f64| HEIGHT - BOTTOM - (y - y0) / (y1 - y0) * (HEIGHT - TOP - BOTTOM);
-    let rows = series.len().div_ceil(4) as f64;
+    let rows = series.iter().filter(|s| s.points.len() != 1).count().div_ceil(4) as f64;
     let full = HEIGHT + 22.0 * rows;
     let mut svg = open(full, &format!("{y_name} over {x_name}"));
     for t in ticks(y0, y1) {
@@ -94,6 +94,18 @@ pub fn curves(x_name: &str, y_name: &str, series: &[Series]) -> String {
             let _ = write!(svg, "<circle class=\"dot\" cx=\"{:.1}\" cy=\"{:.1}\" r=\"3.5\"/>", px(p[0]), py(p[1]));
         }
         let _ = write!(svg, "<path class=\"curve\" d=\"{path}\"/>");
+        // A point alone says itself which it is: colours repeat after six.
+        if let [p] = seen[..] {
+            let (x, anchor) = if px(p[0]) > 0.6 * WIDTH { (px(p[0]) - 8.0, "end") } else { (px(p[0]) + 8.0, "start") };
+            let _ = write!(
+                svg,
+                "<text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"{anchor}\">{}</text>",
+                py(p[1]) - 4.0,
+                escape(&s.name)
+            );
+            svg.push_str("</g>");
+            continue;
+        }
         let (x, y) = (LEFT + (k % 4) as f64 * 170.0, HEIGHT + 22.0 * (k / 4) as f64);
         let _ = write!(
             svg,

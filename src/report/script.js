@@ -1,16 +1,8 @@
-
-"use strict";
 for (const section of document.querySelectorAll(".compare")) {
   const figures = [...section.querySelectorAll(".stages figure")];
   if (figures.length < 2) continue;
   const images = figures.map((f) => f.querySelector("img"));
   const names = figures.map((f) => f.querySelector("figcaption").textContent);
-  const make = (tag, cls, parent) => {
-    const element = document.createElement(tag);
-    if (cls) element.className = cls;
-    if (parent) parent.append(element);
-    return element;
-  };
   const frame = make("div", "frame", section);
   frame.tabIndex = 0;
   frame.setAttribute("role", "group");
@@ -77,10 +69,7 @@ for (const section of document.querySelectorAll(".compare")) {
       context.drawImage(images[k], x, y, SIDE, SIDE, 0, 0, SIDE * ZOOM, SIDE * ZOOM);
     });
   }
-  const place = (event) => {
-    const box = frame.getBoundingClientRect();
-    return { x: (event.clientX - box.left) / box.width, y: (event.clientY - box.top) / box.height };
-  };
+  const place = (event) => within(event, frame);
   let dragging = false;
   frame.addEventListener("pointerdown", (event) => {
     dragging = true;

@@ -7,9 +7,9 @@ use base64::engine::general_purpose::STANDARD;
 use ndarray::{Array2, ArrayView5, s};
 use rayon::prelude::*;
 use serde_json::json;
-use sha2::{Digest, Sha256};
 
 use super::picture::{self, Picture};
+use crate::report;
 
 /// Views as they go into the page.
 #[derive(Debug, Clone)]
@@ -109,32 +109,21 @@ fn relief_bytes(disparity: &Array2<f32>, low: f32, high: f32) -> Picture {
 
 /// Puts the parts together; whatever comes from files is escaped here.
 fn fill(title: &str, data: &str) -> String {
-    const STYLE: &str = include_str!("page.css");
-    const SCRIPT: &str = include_str!("page.js");
-    let hash = |text: &str| format!("sha256-{}", STANDARD.encode(Sha256::digest(text.as_bytes())));
+    let style = format!("{}{}", report::STYLE, include_str!("page.css"));
+    let script = [report::COMMON_SCRIPT, include_str!("paint.js"), include_str!("page.js")].concat();
     // In JSON these characters occur within strings only, where they may be written like this.
     let data = data.replace('<', "\\u003c").replace('>', "\\u003e").replace('&', "\\u0026");
-    let title = title.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;");
-    let mut page = String::with_capacity(data.len() + 32768);
-    let mut rest = include_str!("page.html");
-    // One pass, so that no inserted text is looked at again.
-    while let Some(at) = rest.find('@') {
-        page.push_str(&rest[..at]);
-        rest = &rest[at + 1..];
-        let Some(end) = rest.find('@') else { break };
-        match &rest[..end] {
-            "STYLE_HASH" => page.push_str(&hash(STYLE)),
-            "SCRIPT_HASH" => page.push_str(&hash(SCRIPT)),
-            "TITLE" => page.push_str(&title),
-            "STYLE" => page.push_str(STYLE),
-            "DATA" => page.push_str(&data),
-            "SCRIPT" => page.push_str(SCRIPT),
-            _ => {}
-        }
-        rest = &rest[end + 1..];
-    }
-    page.push_str(rest);
-    page
+    // The template is taken apart before anything is put in, so that no inserted text is looked at again.
+    let parts: Vec<&str> = include_str!("page.html").split('@').collect();
+    let body: String = parts
+        .iter()
+        .map(|part| match *part {
+            "TITLE" => report::escape(title),
+            "DATA" => data.clone(),
+            text => text.to_owned(),
+        })
+        .collect();
+    report::document(title, &style, &body, &script)
 }
 
 #[cfg(test)]
@@ -151,7 +140,9 @@ mod tests {
     fn texts_from_files_are_escaped_and_nothing_is_loaded() {
         let html = page(&content("<b>\"x\" & @DATA@</b>"), 80, 1 << 20).unwrap();
         assert!(!html.contains("<b>") && !html.contains("</script><img"));
-        assert!(html.contains("&lt;b&gt;&quot;x&quot; &amp; @DATA@&lt;/b&gt;"));
+        assert!(
+            html.contains("<title>&lt;b&gt;&quot;x") && html.contains("&lt;b&gt;&quot;x&quot; &amp; @DATA@&lt;/b&gt;")
+        );
         assert_eq!(html.matches("</script>").count(), 2);
         for outside in ["http://", "https://", " src=\"", "href=", "@import", "url("] {
             assert!(!html.contains(outside), "{outside}");

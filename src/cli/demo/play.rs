@@ -1,0 +1,104 @@
+//! What the demo's light field is for: refocused near and far, everything in focus, depth, and the page to play with.
+
+use std::path::Path;
+
+use lenslet::apps::refocus::{self, Shape};
+use lenslet::apps::{disparity, picture, relief, viewer};
+use lenslet::report::{Picture, picture::strip};
+use lenslet::resample::{self, Method, RenderOptions, Target, multiview};
+use lenslet_core::decode::HexSamples;
+use lenslet_core::output;
+use lenslet_core::progress::Observer;
+use ndarray::{Array3, Array5, s};
+
+/// The page, and the pictures of the report.
+pub(super) const PAGE: &str = "viewer.html";
+/// Longer side of the views on the page, pixels.
+const SIDE: usize = 540;
+/// Height and width of each picture of the strip, pixels at most.
+const SMALL: usize = 260;
+/// The page may be this large, bytes.
+const LIMIT: usize = 20_000_000;
+
+/// Pictures made of all views together, sRGB-encoded, with their names.
+pub(super) type Pictures = Vec<(String, Array3<f32>)>;
+
+/// Writes `viewer.html` and `refocus.png`; gives the pictures of the latter.
+pub(super) fn write(
+    root: &Path,
+    samples: &HexSamples,
+    target: &Target,
+    observer: &dyn Observer,
+) -> anyhow::Result<Pictures> {
+    let n = samples.views;
+    let mut field = Stack::new(n);
+    let options = RenderOptions::default();
+    let mut sink = |v: usize, u: usize, view: &Array3<f32>| field.put(v, u, view);
+    resample::render(samples, target, Method::Barycentric, &options, &mut sink, observer)?;
+    let plain = viewer::set("barycentric", &field.data.view(), SIDE);
+    let mut sink = |v: usize, u: usize, view: &Array3<f32>| field.put(v, u, view);
+    multiview::render(samples, target, &multiview::Options::default(), &mut sink, observer)?;
+    let data = field.data.view();
+    let found = disparity::estimate(&data, &disparity::Options { linear: true, ..Default::default() }, observer)?;
+    let front = multiview::front_of(&data, &found.disparity)?;
+    let content = viewer::Content {
+        title: "A simulated light field to play with".to_owned(),
+        views: (n, n),
+        sets: vec![viewer::set("multiview", &data, SIDE), plain],
+        disparity: found.disparity.clone(),
+        front,
+    };
+    output::write_file(&root.join(PAGE), false, viewer::page(&content, 88, LIMIT)?.as_bytes())?;
+
+    let aperture = refocus::aperture((n, n), 1.0, Shape::Round);
+    let mut sorted: Vec<f32> = found.disparity.iter().copied().collect();
+    sorted.sort_unstable_by(f32::total_cmp);
+    let share = |f: f32| sorted[(f * (sorted.len() - 1) as f32) as usize];
+    let (near, far) = if front < 0.0 { (share(0.05), share(0.95)) } else { (share(0.95), share(0.05)) };
+    let small = |image: &Array3<f32>| {
+        let screen = picture::from_linear(&picture::shrink(&image.view(), SMALL).view());
+        let values = screen.rgb.iter().map(|&b| f32::from(b) / 255.0).collect();
+        Array3::from_shape_vec((screen.height, screen.width, 3), values)
+    };
+    let at = |d: f32| refocus::refocus(&data, d, &aperture.view());
+    let sharp = refocus::all_in_focus(&data, &found.disparity.view(), &aperture.view())?;
+    // What is nearer is brighter.
+    let nearness = found.disparity.mapv(|d| d * front);
+    let (one, other) = (share(0.01) * front, share(0.99) * front);
+    let colours = relief::colours(&nearness.view(), (one.min(other), one.max(other)));
+    let depth = Array3::from_shape_vec(
+        (colours.height, colours.width, 3),
+        colours.rgb.iter().map(|&b| f32::from(b) / 255.0).collect(),
+    )?;
+    let pictures = vec![
+        ("focus near".to_owned(), small(&at(near)?)?),
+        ("focus far".to_owned(), small(&at(far)?)?),
+        ("all in focus".to_owned(), small(&sharp)?),
+        ("depth".to_owned(), picture::shrink(&depth.view(), SMALL)),
+    ];
+    let image = strip(&pictures, 6, 12)?;
+    output::write_file(&root.join("refocus.png"), false, &Picture::png(&image, 1)?.bytes)?;
+    Ok(pictures)
+}
+
+/// Views (v, u, t, s, c) of a square of them, shrunk as they come.
+struct Stack {
+    views: usize,
+    data: Array5<f32>,
+}
+
+impl Stack {
+    fn new(views: usize) -> Stack {
+        Stack { views, data: Array5::zeros((0, 0, 0, 0, 0)) }
+    }
+
+    fn put(&mut self, v: usize, u: usize, view: &Array3<f32>) -> anyhow::Result<()> {
+        let small = picture::shrink(&view.view(), SIDE);
+        if self.data.is_empty() {
+            let (h, w, c) = small.dim();
+            self.data = Array5::zeros((self.views, self.views, h, w, c));
+        }
+        self.data.slice_mut(s![v, u, .., .., ..]).assign(&small);
+        Ok(())
+    }
+}
