@@ -278,12 +278,8 @@ fn played(browser: &mut Browser) {
     browser.wait(&format!("{strip} !== {one}"));
     browser.key("e");
     browser.key("m");
-    browser.wait("state.set === 1 && painted.still");
-    assert_eq!(
-        browser
-            .value("[...document.querySelectorAll('#methods button')].map(b => b.getAttribute('aria-pressed')).join()"),
-        "false,true"
-    );
+    let pressed = "[...document.querySelectorAll('#methods button')].map(b => b.getAttribute('aria-pressed')).join()";
+    browser.wait(&format!("state.set === 1 && {pressed} === 'false,true' && painted.still"));
     browser.key("0");
     assert_eq!(browser.value("state.aperture"), 1);
 }

@@ -223,9 +223,10 @@ impl Browser {
             "Tab" => 9,
             _ => 0,
         };
-        for kind in ["keyDown", "keyUp"] {
+        let letter = name.chars().count() == 1;
+        for kind in [if letter { "keyDown" } else { "rawKeyDown" }, "keyUp"] {
             let mut event = json!({ "type": kind, "key": name, "code": name, "windowsVirtualKeyCode": code });
-            if name.chars().count() == 1 && kind == "keyDown" {
+            if kind == "keyDown" {
                 event["text"] = json!(name);
             }
             self.call("Input.dispatchKeyEvent", event);
