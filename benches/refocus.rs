@@ -2,6 +2,8 @@
 //! `cargo bench --bench refocus`; with `-- --json` one JSON object instead of criterion's statistics: wall and CPU seconds a
 //! picture (the latter tell more on a machine that others use too).
 
+#![allow(clippy::print_stdout)] // its findings
+
 use std::time::Instant;
 
 use criterion::{Criterion, Throughput};

@@ -2,6 +2,8 @@
 //! picture stands, and for every picture while the focus moves. `cargo bench --bench viewer [-- PAGE.html]` prints
 //! one JSON object; without a Chromium it says so.
 
+#![allow(clippy::print_stdout)] // its findings
+
 use std::path::PathBuf;
 use std::process::Command;
 
