@@ -76,11 +76,14 @@ async function readDepth() {
 const pixel = (x, n) => Math.max(0, Math.min(n - 1, Math.floor(x)));
 const disparityAt = (x, y) => low + ((high - low) * depth[4 * (pixel(y, height) * width + pixel(x, width))]) / 255;
 
+// The set shown changes once its pictures are there; of several choices the last one counts.
+let chosen = 0;
 async function choose(k) {
-  state.set = k;
+  chosen = k;
   const images = await load(k);
-  if (state.set !== k) return;
+  if (chosen !== k) return;
   painter.fill(k, images);
+  state.set = k;
   [...$("methods").children].forEach((b, i) => b.setAttribute("aria-pressed", String(i === k)));
   ready = true;
   change();
@@ -180,7 +183,7 @@ addEventListener("keydown", (e) => {
     ArrowUp: () => move(state.u, state.v - 0.3), ArrowDown: () => move(state.u, state.v + 0.3),
     "[": () => focus(-step), "]": () => focus(step),
     "+": () => open(state.aperture + 0.1), "=": () => open(state.aperture + 0.1), "-": () => open(state.aperture - 0.1),
-    m: () => choose((state.set + 1) % data.sets.length), d: () => $("show-depth").click(), e: () => $("show-epi").click(), 0: reset,
+    m: () => choose((chosen + 1) % data.sets.length), d: () => $("show-depth").click(), e: () => $("show-epi").click(), 0: reset,
   }[e.key.length === 1 ? e.key.toLowerCase() : e.key];
   if (act) {
     e.preventDefault();
