@@ -1,6 +1,7 @@
 //! The command line: one file a command. What a command prints, and how it ends, is decided here.
 
 mod ablate;
+mod budget;
 mod calibrate;
 mod convert;
 mod decode;
@@ -36,6 +37,9 @@ struct Cli {
     /// Threads to use (default: all cores)
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
+    /// Memory this run may take, MiB: one that needs more ends with exit code 1 and says so
+    #[arg(long, global = true, value_name = "MIB", value_parser = clap::value_parser!(u32).range(16..))]
+    memory: Option<u32>,
     /// No progress, no notes
     #[arg(short, long, global = true)]
     quiet: bool,
@@ -119,6 +123,11 @@ pub fn main() -> ExitCode {
         return ExitCode::from(1);
     }
     let context = Context { progress: Progress::new(cli.quiet) };
+    let memory = cli.memory.map(|mib| mib as usize);
+    if let Some(Err(e)) = memory.map(budget::watch) {
+        eprintln!("lenslet: cannot watch --memory: {e}");
+        return ExitCode::from(1);
+    }
     let result = dispatch(&cli.command, &context);
     context.progress.clear();
     match result {
@@ -131,6 +140,10 @@ pub fn main() -> ExitCode {
             ExitCode::SUCCESS
         }
         Err(e) => {
+            if let Some(why) = budget::exceeded(memory) {
+                eprintln!("lenslet: {why}");
+                return ExitCode::from(1);
+            }
             let code = if e.chain().any(|c| c.is::<Interrupted>()) {
                 130
             } else if e.chain().any(|c| c.is::<Usage>()) {

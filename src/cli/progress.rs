@@ -8,6 +8,11 @@ use lenslet_core::progress::Observer;
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
+/// Asks the work to end, as the first Ctrl-C does.
+pub fn interrupt() {
+    INTERRUPTED.store(true, Ordering::SeqCst);
+}
+
 /// The command line's observer.
 pub struct Progress {
     quiet: bool,

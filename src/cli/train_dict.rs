@@ -172,6 +172,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
                 None => {
                     let mut open = std::fs::OpenOptions::new();
                     open.create(true).write(true).append(args.resume).truncate(!args.resume);
+                    log.parent().map_or(Ok(()), std::fs::create_dir_all)?;
                     file.insert(open.open(&log)?)
                 }
             };
@@ -186,12 +187,13 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         Err(lenslet_train::Error::Interrupted) => return Err(Interrupted.into()),
         other => other?,
     };
-    if let Some(e) = lost {
-        return Err(anyhow::Error::new(e).context(format!("cannot write {}", log.display())));
-    }
     dictionary::save(&args.out, &outcome.dictionary, args.force)?;
     // Its work is done; a leftover would only be in the way.
     let _ = std::fs::remove_file(&checkpoint);
+    // Told only now: a log that cannot be written costs nobody the dictionary.
+    if let Some(e) = lost {
+        return Err(anyhow::Error::new(e).context(format!("cannot write {}", log.display())));
+    }
 
     let bytes = std::fs::metadata(&args.out).map(|m| m.len()).unwrap_or(0);
     let scores = &outcome.dictionary.recipe.scores;

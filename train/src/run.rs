@@ -1,5 +1,6 @@
 //! A whole training run: photos → pairs → eq. (3) → Dh → refinement → anchors → dictionary, with checkpoints and scores.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use lenslet_core::dictionary::{self, Dictionary, Footprint, Model, Options, Pass, Recipe, Reconstructor, Storage};
@@ -158,9 +159,9 @@ impl Run<'_> {
             };
             let model = |passes| Model { footprint, base: degradation.base, pitch: p.pitch, passes };
             let before = if passes.is_empty() { None } else { Some(model(passes.clone())) };
-            let (train, held_out) = match &before {
-                None => (data.train.clone(), data.held_out.clone()),
-                Some(m) => (self.advance(m, &data.train)?, self.advance(m, &data.held_out)?),
+            let (train, held_out): (Cow<'_, [Crop]>, Cow<'_, [Crop]>) = match &before {
+                None => (data.train.as_slice().into(), data.held_out.as_slice().into()),
+                Some(m) => (self.advance(m, &data.train)?.into(), self.advance(m, &data.held_out)?.into()),
             };
             let pass = self.pass(footprint, number, &train, &held_out, &degradation)?;
             drop(train);

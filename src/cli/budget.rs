@@ -1,0 +1,56 @@
+//! `--memory`: a run that takes more than it was given ends by itself, instead of taking the machine down.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
+
+use super::progress;
+
+/// How often the memory in use is looked at.
+const EVERY: Duration = Duration::from_millis(5);
+/// Beyond the budget by this, MiB, the work is no longer asked to end but ended.
+const GRACE: usize = 64;
+
+/// What was in use, MiB, when the budget was found exceeded; 0 before that.
+static SEEN: AtomicUsize = AtomicUsize::new(0);
+
+/// Watches the memory of this process from now on. Once more than `mib` is in use, the work is asked to end as by Ctrl-C;
+/// should it take [`GRACE`] more before it has, the process ends there and then, and its unfinished outputs are cleaned up
+/// by the next run. Without /proc there is nothing to watch.
+pub fn watch(mib: usize) -> std::io::Result<()> {
+    let over = move || {
+        while let Some(now) = resident() {
+            if now > mib {
+                let first = SEEN.swap(now, Ordering::SeqCst) == 0;
+                if first {
+                    progress::interrupt();
+                }
+                if now > mib + GRACE {
+                    eprintln!("lenslet: {}", message(mib, now));
+                    std::process::exit(1);
+                }
+            }
+            std::thread::sleep(EVERY);
+        }
+    };
+    std::thread::Builder::new().name("memory".into()).spawn(over).map(|_| ())
+}
+
+/// Why the work ended, if it was for its memory.
+pub fn exceeded(mib: Option<usize>) -> Option<String> {
+    let seen = SEEN.load(Ordering::SeqCst);
+    mib.filter(|_| seen > 0).map(|mib| message(mib, seen))
+}
+
+fn message(mib: usize, seen: usize) -> String {
+    format!(
+        "stopped at {seen} MiB, for --memory allows {mib}: give it more, fewer --threads, or less at a time (--size, \
+         --views, --scale, --pairs); what was finished is kept"
+    )
+}
+
+/// Memory of this process in use, MiB.
+fn resident() -> Option<usize> {
+    let text = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = text.lines().find_map(|l| l.strip_prefix("VmRSS:"))?;
+    line.split_whitespace().next()?.parse::<usize>().ok().map(|kib| kib / 1024)
+}
