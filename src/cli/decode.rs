@@ -138,6 +138,7 @@ fn parse_exposure(text: &str) -> Result<f32, String> {
     text.parse().ok().filter(|ev| (-32.0..=32.0).contains(ev)).ok_or_else(|| "stops from -32 to 32".into())
 }
 
+/// What `--without` can leave out.
 const STEPS: [(&str, Without); 10] = [
     ("black-level", Without::Step(Step::BlackLevel)),
     ("hot-pixels", Without::Step(Step::HotPixels)),
