@@ -112,14 +112,14 @@ fn methods(truth: ArrayView2<'_, f32>, a: &Arguments, index: u64) -> anyhow::Res
         let reconstructor = Reconstructor::new(&a.dictionary, &Options { mode, ..a.options.clone() })?;
         add(name, &mut || Ok(reconstructor.plane(low.view())?))?;
     }
-    // The default and the best again, with the measured samples kept true.
-    for (name, from) in [("learned_true", "learned"), ("best_true", "best")] {
+    // Again with the measured samples kept true, as decode does it.
+    for (name, from) in [("learned_true", "learned"), ("fast_true", "fast"), ("best_true", "best")] {
         if let Some(k) = results.iter().position(|r| r.0 == from)
             && wanted(name)
         {
             let began = std::time::Instant::now();
             let measured = Measured::new(placed.centres.clone(), a.options.footprint, DEFAULT_PITCH, (w, h))?;
-            let (result, _) = back_project(&results[k].1, &measured, values.column(0), 3, 0.0)?;
+            let (result, _) = back_project(&results[k].1, &measured, values.column(0), 3, &[])?;
             results.push((name.to_string(), result, began.elapsed().as_secs_f64()));
         }
     }

@@ -181,6 +181,7 @@ fn render(
                 (_, Base::Barycentric) => Way::Barycentric,
                 (_, Base::Cubic) => Way::Cubic,
                 (_, Base::Bicubic) => Way::Bicubic,
+                (_, Base::Multiview) => Way::Multiview,
             };
             let low = render(samples, target, base, wanted, None, observer)?;
             low.into_iter()

@@ -48,6 +48,9 @@ pub struct Args {
     /// sharpens as well (and the noise with it)
     #[arg(long, default_value = "point", value_parser = ["point", "lenslet"])]
     footprint: String,
+    /// Standard deviation of the samples' noise for learned reconstruction (sRGB-encoded, 0..1) [default: estimated]
+    #[arg(long, value_name = "S")]
+    sample_noise: Option<f32>,
     /// Views a row and a column (odd, up to 15)
     #[arg(long, default_value_t = 7, value_name = "N")]
     views: usize,
@@ -200,6 +203,9 @@ impl Args {
         if !(self.view_step > 0.0 && self.view_step <= 4.0) {
             return Err(Usage(format!("--view-step {}: it must be above 0, up to 4", self.view_step)).into());
         }
+        if self.sample_noise.is_some_and(|s| !(0.0..=1.0).contains(&s)) {
+            return Err(Usage("--sample-noise must be 0 to 1".into()).into());
+        }
         match (self.method, self.base) {
             (Method::Learned, Some(Method::Bicubic | Method::Learned)) => {
                 Err(Usage("--base must be barycentric, cubic or multiview".into()).into())
@@ -283,6 +289,7 @@ fn one(args: &Args, job: &Job, shelf: &mut Shelf, context: &Context) -> anyhow::
     let target = Target { width: size[1], height: size[0] };
     let mut rendering =
         RenderOptions { base: args.base.unwrap_or(RenderOptions::default().base), ..RenderOptions::default() };
+    options.infer.noise = args.sample_noise;
     if args.footprint == "lenslet" {
         rendering.infer.footprint = lenslet_core::dictionary::Footprint::Lenslet;
     }

@@ -172,15 +172,17 @@ fn reconstruct(samples: &HexSamples, target: &Target, observer: &dyn Observer) -
     });
     let dictionary = infer::embedded()?;
     let reconstructor = infer::Reconstructor::new(&dictionary, &infer::Options::default())?;
+    let faithful = infer::Faithful::new(&reconstructor, samples, (target.width, target.height), None)?;
     // Only the barycentric views: that is what the dictionary was trained on, and on multiview ones it overshoots.
     let began = Instant::now();
     observer.begin("learned", SCORED.len() as u64);
     let mut views = Vec::new();
-    for base in results.iter().filter(|r| r.name == "barycentric").flat_map(|r| &r.views) {
+    let low = results.iter().filter(|r| r.name == "barycentric").flat_map(|r| &r.views);
+    for (view, (v, u)) in low.zip(SCORED) {
         if observer.cancelled() {
             return Err(Interrupted.into());
         }
-        views.push(reconstructor.view(base)?);
+        views.push(faithful.view(view, samples.values.index_axis(Axis(0), v * samples.views + u))?);
         observer.advance(1);
     }
     results.push(Reconstruction {

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use lenslet::infer::{self, Enlargement, Mode, Options, Reconstructor};
+use lenslet_core::decode::{HexSamples, npz};
 use lenslet_core::dictionary::{self, Footprint};
 use lenslet_core::lightfield::{self, ColourSpace, ReadOptions};
 use lenslet_core::progress::Observer;
@@ -18,8 +19,9 @@ Example: lenslet infer barycentric.lf --out learned.lf
          lenslet infer other-tool/ --out sharp/ --scale 3
          lenslet infer rectified.eslf.png --views 14 --out sharp.npy --fast
 
-Light fields decoded by lenslet have their final size already. Those of other tools are enlarged first, bicubically, by
---scale (default: the dictionary's pitch, rounded), as if each of their pixels were a sample.")]
+Light fields decoded by lenslet have their final size already, and the samples measured beside them stay true. Those of
+other tools are enlarged first, bicubically, by --scale (default: the dictionary's pitch, rounded), as if each of their
+pixels were a sample.")]
 pub struct Args {
     /// The light field, in any format that convert reads
     input: PathBuf,
@@ -46,6 +48,12 @@ pub struct Args {
     /// λ instead of the trained one
     #[arg(long, value_name = "L")]
     lambda: Option<f32>,
+    /// Standard deviation of the samples' noise (sRGB-encoded, 0..1), where they lie beside the light field [default: estimated]
+    #[arg(long, value_name = "S")]
+    noise: Option<f32>,
+    /// Do not use the measured samples (samples.npz) beside the light field
+    #[arg(long, conflicts_with = "noise")]
+    without_samples: bool,
     /// Views (N or ROWSxCOLUMNS) of a lenslet picture, or of pictures numbered in a row
     #[arg(long, value_name = "N", value_parser = score::parse_views)]
     views: Option<[usize; 2]>,
@@ -61,6 +69,12 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if args.lambda.is_some_and(|l| !(0.0..=1.0).contains(&l)) || args.step == Some(0) {
         return Err(Usage("--lambda must be 0 to 1, and --step at least 1".into()).into());
     }
+    if args.noise.is_some_and(|s| !(0.0..=1.0).contains(&s)) {
+        return Err(Usage("--noise must be 0 to 1".into()).into());
+    }
+    let colour = args.input_linear.then_some(ColourSpace::Linear);
+    let source = lightfield::open(&args.input, &ReadOptions { views: args.views, colour, ..ReadOptions::default() })?;
+    let mut meta = source.meta().clone();
     let found = dict::find(&args.dictionary)?;
     let mode = match (args.fast, args.best) {
         (true, _) => Mode::Fast,
@@ -77,9 +91,6 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
             .note(&format!("the dictionary has no model for {footprint} samples; {} is used", model.footprint));
     }
 
-    let colour = args.input_linear.then_some(ColourSpace::Linear);
-    let source = lightfield::open(&args.input, &ReadOptions { views: args.views, colour, ..ReadOptions::default() })?;
-    let mut meta = source.meta().clone();
     let scale = match (args.scale, meta.pitch) {
         (Some(scale), _) => scale,
         (None, Some(_)) => 1.0,
@@ -98,16 +109,30 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     meta.pitch = Some(pitch);
     meta.colour = args.written.colour();
     meta.method = Some("learned".into());
-    let name = args.input.file_name().map(|n| n.to_string_lossy().into_owned());
+    let input = args.input.file_name().map(|n| n.to_string_lossy().into_owned());
     meta.provenance.push(json!({
-        "tool": "lenslet", "version": env!("CARGO_PKG_VERSION"), "command": "infer", "input": name,
+        "tool": "lenslet", "version": env!("CARGO_PKG_VERSION"), "command": "infer", "input": input,
         "dictionary": args.dictionary.file_name().map(|n| n.to_string_lossy().into_owned()),
         "mode": format!("{mode:?}").to_lowercase(), "footprint": model.footprint, "scale": scale,
     }));
+    // Views interpolated from their own samples keep them true; refined ones are nearer to the scene than a noisy sample.
+    let samples = if scale == 1.0 && matches!(source.meta().method.as_deref(), Some("barycentric" | "cubic")) {
+        measured(args)?
+    } else {
+        None
+    };
     let format = args.written.format();
     let mut sink = lightfield::create(&args.written.out, meta.clone(), format, args.written.force)?;
     let began = std::time::Instant::now();
-    let done = infer::light_field(&*source, &mut *sink, meta.colour, &reconstructor, enlargement, &context.progress);
+    let done = infer::light_field(
+        &*source,
+        &mut *sink,
+        meta.colour,
+        &reconstructor,
+        enlargement,
+        samples.as_ref().map(|s| (s, args.noise)),
+        &context.progress,
+    );
     if let Err(e) = done {
         let interrupted = matches!(e.downcast_ref(), Some(dictionary::Error::Interrupted));
         return Err(if interrupted { Interrupted.into() } else { e });
@@ -121,6 +146,18 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let json = json!({
         "out": out, "views": meta.views, "size": meta.size, "scale": scale, "seconds": seconds,
         "footprint": model.footprint, "mode": format!("{mode:?}").to_lowercase(),
+        "samples": samples.is_some(),
     });
     Ok(Outcome { json, text })
+}
+
+/// The samples that decode left in the light field's folder, or beside a light field that is one file.
+fn measured(args: &Args) -> anyhow::Result<Option<HexSamples>> {
+    let within = args.input.join(npz::SAMPLES);
+    let beside = args.input.with_extension(npz::SAMPLES);
+    let found = [within, beside].into_iter().find(|path| path.is_file());
+    match found {
+        Some(path) if !args.without_samples => Ok(Some(npz::load(&path)?)),
+        _ => Ok(None),
+    }
 }

@@ -4,9 +4,10 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use anyhow::Context as _;
-use lenslet_core::dictionary::{self, Footprint};
+use lenslet::infer;
+use lenslet_core::dictionary::{self, Base, Footprint};
 use lenslet_core::output;
-use lenslet_train::{Algorithm, Coupling, Parameters, train};
+use lenslet_train::{Algorithm, Coupling, Parameters, train, train_on};
 use serde_json::json;
 
 use super::{Context, Interrupted, Outcome, Usage};
@@ -71,6 +72,10 @@ pub struct Args {
     /// Rectangular grids enlarged bicubically by this, instead of hexagonal samples: for views of other tools
     #[arg(long, value_name = "SCALE", conflicts_with_all = ["footprint", "calibration"])]
     grid: Option<f64>,
+    /// What the views are that the dictionary will sharpen: barycentric, or multiview, for which the photos are put before a
+    /// simulated camera, decoded and refined
+    #[arg(long, value_parser = ["barycentric", "multiview"], conflicts_with = "grid")]
+    base: Option<String>,
     /// Lattice (pitch, rotation) as this calibration's, for views 1080 pixels wide
     #[arg(long, value_name = "CAM.calib")]
     calibration: Option<PathBuf>,
@@ -131,6 +136,18 @@ fn parameters(args: &Args) -> anyhow::Result<Parameters> {
             p.footprints.push(footprint);
         }
     }
+    match args.base.as_deref() {
+        Some("multiview") => p.base = Some(Base::Multiview),
+        Some(_) => p.base = Some(Base::Barycentric),
+        None => {}
+    }
+    if p.base == Some(Base::Multiview) {
+        // The simulated camera's truth is what a lenslet sees: a sample is the truth at a point.
+        p.footprints = vec![Footprint::Point];
+        if args.calibration.is_some() || args.noise.is_some() || args.shrink.is_some() {
+            return Err(Usage("--calibration, --noise and --shrink do not go with --base multiview".into()).into());
+        }
+    }
     if let Some(path) = &args.calibration {
         let calibration = lenslet_core::calibration::load(path)?;
         let (w, h) = (calibration.width, calibration.height);
@@ -182,7 +199,15 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
             lost = Some(e);
         }
     };
-    let outcome = train(&args.photos, &parameters, Some(&checkpoint), args.resume, &context.progress, &mut line);
+    let progress = &context.progress;
+    let outcome = if parameters.base == Some(Base::Multiview) {
+        let mut crops = |_, observer: &dyn lenslet_core::progress::Observer| {
+            infer::captured_crops(&args.photos, &parameters, observer)
+        };
+        train_on(&mut crops, &parameters, Some(&checkpoint), args.resume, progress, &mut line)
+    } else {
+        train(&args.photos, &parameters, Some(&checkpoint), args.resume, progress, &mut line)
+    };
     let outcome = match outcome {
         Err(lenslet_train::Error::Interrupted) => return Err(Interrupted.into()),
         other => other?,

@@ -33,6 +33,16 @@ impl Measured {
         Ok(Measured { centres, table, footprint })
     }
 
+    /// What interpolation makes of a value a place.
+    ///
+    /// # Errors
+    /// Another number of values.
+    pub fn interpolate(&self, values: &[f32]) -> Result<Array2<f32>, sampling::Error> {
+        let values = ndarray::ArrayView2::from_shape((values.len(), 1), values)
+            .map_err(|e| sampling::Error::Shape(e.to_string()))?;
+        Ok(self.table.apply(values)?.index_axis_move(Axis(2), 0))
+    }
+
     /// The samples of a plane.
     ///
     /// # Errors
@@ -44,7 +54,7 @@ impl Measured {
 
 /// Moves `plane` so that its samples approach `values`; returns it and the largest difference left.
 ///
-/// A difference up to `noise` (standard deviation of the samples' noise) is left as it is: it may be noise.
+/// A difference up to `noise` (standard deviation of each sample's noise; none where empty) is left as it is: it may be noise.
 ///
 /// # Errors
 /// Shapes that do not belong together.
@@ -53,13 +63,14 @@ pub fn back_project(
     measured: &Measured,
     values: ArrayView1<'_, f32>,
     rounds: usize,
-    noise: f32,
+    noise: &[f32],
 ) -> Result<(Array2<f32>, f32), sampling::Error> {
-    if values.len() != measured.centres.len() {
+    let n = measured.centres.len();
+    if values.len() != n || !(noise.is_empty() || noise.len() == n) {
         return Err(sampling::Error::Shape(format!(
-            "{} values for {} measured places",
+            "{} values and {} of noise for {n} measured places",
             values.len(),
-            measured.centres.len()
+            noise.len()
         )));
     }
     let mut current = plane.clone();
@@ -82,12 +93,13 @@ fn difference(
     plane: &Array2<f32>,
     measured: &Measured,
     values: ArrayView1<'_, f32>,
-    noise: f32,
+    noise: &[f32],
 ) -> Result<Array2<f32>, sampling::Error> {
     let mut rest = measured.sample(plane)?;
-    for (r, v) in rest.iter_mut().zip(values) {
+    for (k, (r, v)) in rest.iter_mut().zip(values).enumerate() {
         let d = v - *r;
-        *r = if d.is_finite() { d.signum() * (d.abs() - noise).max(0.0) } else { 0.0 };
+        let allowed = noise.get(k).copied().unwrap_or(0.0);
+        *r = if d.is_finite() { d.signum() * (d.abs() - allowed).max(0.0) } else { 0.0 };
     }
     Ok(rest)
 }
@@ -109,13 +121,15 @@ mod tests {
                 lattice_samples(truth.view().insert_axis(Axis(2)), 3.3, 0.002, [0.2, 0.6], core).unwrap();
             let measured = Measured::new(placed.centres, footprint, 3.3, (90, 80)).unwrap();
             let start = Array2::from_elem((80, 90), 0.5);
-            let (result, left) = back_project(&start, &measured, values.column(0), 12, 0.0).unwrap();
+            let (result, left) = back_project(&start, &measured, values.column(0), 12, &[]).unwrap();
             assert!(left < tolerance, "{footprint}: {left}");
             let error = |p: &Array2<f32>| (p - &truth).mapv(|v| v * v).mean().unwrap();
             assert!(error(&result) < 0.2 * error(&start));
             // Differences within the noise are left alone.
-            let (same, _) = back_project(&start, &measured, values.column(0), 5, 1.0).unwrap();
+            let noise = vec![1.0; values.nrows()];
+            let (same, _) = back_project(&start, &measured, values.column(0), 5, &noise).unwrap();
             assert_eq!(same, start);
+            assert!(back_project(&start, &measured, values.column(0), 5, &noise[1..]).is_err());
         }
         assert!(Measured::new(vec![[0.0, 0.0]], Footprint::Point, 3.3, (9, 9)).is_err());
     }

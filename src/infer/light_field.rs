@@ -1,12 +1,13 @@
 //! Whole light fields, view after view.
 
+use lenslet_core::decode::HexSamples;
 use lenslet_core::dictionary;
 use lenslet_core::lightfield::{ColourSpace, Meta, ViewSink, ViewSource, colour};
 use lenslet_core::progress::Observer;
 use lenslet_core::sampling::bicubic;
-use ndarray::Array3;
+use ndarray::{Array3, Axis};
 
-use super::Reconstructor;
+use super::{Faithful, Reconstructor};
 
 /// What is done to a view before it is reconstructed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,15 +36,19 @@ impl Enlargement {
 }
 
 /// Reconstructs every view of `source` into `sink`, which takes values in colour space `to`. One view at a time in memory.
+/// With the samples that the views were interpolated from, and the standard deviation of their noise where it is known, these
+/// stay true.
 ///
 /// # Errors
-/// Views that cannot be read or written, a factor out of range, interruption ([`dictionary::Error::Interrupted`]).
+/// Views that cannot be read or written, samples of other views, a factor out of range, interruption
+/// ([`dictionary::Error::Interrupted`]).
 pub fn light_field(
     source: &dyn ViewSource,
     sink: &mut dyn ViewSink,
     to: ColourSpace,
     reconstructor: &Reconstructor,
     enlargement: Enlargement,
+    samples: Option<(&HexSamples, Option<f32>)>,
     observer: &dyn Observer,
 ) -> anyhow::Result<()> {
     if let Enlargement::Bicubic(f) = enlargement {
@@ -51,6 +56,18 @@ pub fn light_field(
     }
     let meta: &Meta = source.meta();
     let [rows, columns] = meta.views;
+    let size = enlargement.size(meta.size);
+    let faithful = match samples {
+        Some((samples, noise)) => {
+            anyhow::ensure!(
+                samples.views == rows && samples.views == columns && samples.values.dim().0 == rows * columns,
+                "the samples are of {0}x{0} views, the light field has {rows}x{columns}",
+                samples.views
+            );
+            Some((Faithful::new(reconstructor, samples, (size[1], size[0]), noise)?, samples))
+        }
+        None => None,
+    };
     observer.begin("learned reconstruction", (rows * columns) as u64);
     for v in 0..rows {
         for u in 0..columns {
@@ -59,7 +76,11 @@ pub fn light_field(
             }
             let mut view = source.read(v, u)?;
             colour::convert(&mut view, meta.colour, ColourSpace::Srgb);
-            let mut sharp = reconstructor.view(&enlargement.apply(view)?)?;
+            let low = enlargement.apply(view)?;
+            let mut sharp = match &faithful {
+                Some((f, samples)) => f.view(&low, samples.values.index_axis(Axis(0), v * columns + u))?,
+                None => reconstructor.view(&low)?,
+            };
             colour::convert(&mut sharp, ColourSpace::Srgb, to);
             sink.write(v, u, &sharp)?;
             observer.advance(1);

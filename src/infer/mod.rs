@@ -2,10 +2,16 @@
 //! colour differences from the interpolated view, and measured samples kept true.
 
 mod back_project;
+mod captures;
 mod light_field;
+mod measured;
+mod noise;
 
 pub use back_project::{Measured, back_project};
+pub use captures::captured_crops;
 pub use light_field::{Enlargement, light_field};
+pub use measured::Faithful;
+pub use noise::Noise;
 
 use lenslet_core::dictionary::{self, Dictionary, Footprint, Path};
 use lenslet_core::metrics::{LUMINANCE, luminance};
@@ -43,6 +49,9 @@ pub struct Options {
     pub ensemble: Option<usize>,
     /// Passes used, all by default.
     pub passes: Option<usize>,
+    /// Standard deviation of the samples' noise (sRGB-encoded luminance, 0..1) instead of what is estimated from them, where
+    /// the measured samples are at hand.
+    pub noise: Option<f32>,
 }
 
 impl Default for Options {
@@ -54,6 +63,7 @@ impl Default for Options {
             lambda: None,
             ensemble: None,
             passes: None,
+            noise: None,
         }
     }
 }
@@ -110,6 +120,24 @@ impl Reconstructor {
     /// What the solver reports.
     pub fn plane(&self, low: ArrayView2<'_, f32>) -> Result<Array2<f32>, dictionary::Error> {
         self.inner.plane(low)
+    }
+
+    /// [`Self::plane`], held back where noise explains the features: `noise` is its part of their energy at each pixel.
+    ///
+    /// # Errors
+    /// Another shape of the noise; what the solver reports.
+    pub fn plane_with_noise(
+        &self,
+        low: ArrayView2<'_, f32>,
+        noise: ArrayView2<'_, f32>,
+    ) -> Result<Array2<f32>, dictionary::Error> {
+        self.inner.plane_with_noise(low, Some(noise))
+    }
+
+    /// Mean energy of the features over a plane.
+    #[must_use]
+    pub fn energy(&self, plane: ArrayView2<'_, f32>) -> f32 {
+        self.inner.energy(plane)
     }
 
     /// Reconstructs an sRGB-encoded view (t, s, c) with one or three channels: luminance learned, colour differences from

@@ -2,16 +2,19 @@
 //!
 //! A dictionary knows one pitch. Where the target's pitch differs from it by more than a tenth, the view is interpolated
 //! and reconstructed at the dictionary's own pitch and then resized bicubically to the target.
+//!
+//! Views interpolated from their own samples keep these true. Views refined by all the others do not: they are nearer to the
+//! scene than a single noisy sample is.
 
 use lenslet_core::decode::HexSamples;
 use lenslet_core::dictionary::Dictionary;
 use lenslet_core::lightfield::{ColourSpace, colour};
 use lenslet_core::progress::Observer;
 use lenslet_core::sampling::{MAX_PIXELS, bicubic};
-use ndarray::Array3;
+use ndarray::{Array3, Axis};
 
 use super::{Method, RenderOptions, Sink, Target, pitch, render as render_plain};
-use crate::infer::{self, Reconstructor};
+use crate::infer::{self, Faithful, Reconstructor};
 
 /// Difference of pitch that a dictionary bears.
 const TOLERANCE: f64 = 0.1;
@@ -58,10 +61,19 @@ pub fn render(
             working.width, working.height
         ));
     }
+    let faithful = match options.base {
+        Method::Barycentric | Method::Cubic => {
+            let size = (working.width, working.height);
+            Some(Faithful::new(&reconstructor, samples, size, options.infer.noise)?)
+        }
+        _ => None,
+    };
     let mut learned = |v: usize, u: usize, view: &Array3<f32>| -> anyhow::Result<()> {
-        let mut encoded = view.clone();
-        colour::convert(&mut encoded, ColourSpace::Linear, ColourSpace::Srgb);
-        let mut sharp = reconstructor.view(&encoded)?;
+        let encoded = super::encode::srgb(view);
+        let mut sharp = match &faithful {
+            Some(f) => f.view(&encoded, samples.values.index_axis(Axis(0), v * samples.views + u))?,
+            None => reconstructor.view(&encoded)?,
+        };
         if working != *target {
             sharp = bicubic::resize(sharp.view(), target.width, target.height)?;
             sharp.mapv_inplace(|p| p.clamp(0.0, 1.0));

@@ -9,6 +9,7 @@ use lenslet_data_gen::pairs::{Crop, Degradation, crops, find_photos, load_photo}
 use super::{Error, Parameters};
 
 /// Crops of one footprint.
+#[derive(Debug, Clone)]
 pub struct Data {
     /// Crops that train.
     pub train: Vec<Crop>,
@@ -22,7 +23,8 @@ pub struct Data {
 
 /// How one footprint's low images come about.
 pub fn degradation(parameters: &Parameters, footprint: Footprint) -> Degradation {
-    let base = if footprint == Footprint::Grid { Base::Bicubic } else { Base::Barycentric };
+    let plain = if footprint == Footprint::Grid { Base::Bicubic } else { Base::Barycentric };
+    let base = parameters.base.unwrap_or(plain);
     Degradation { pitch: parameters.pitch, rotation: parameters.rotation, footprint, base, noise: parameters.noise }
 }
 

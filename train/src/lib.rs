@@ -20,8 +20,9 @@ pub mod refine;
 mod run;
 mod statistics;
 
+pub use data::Data;
 pub use parameters::{Algorithm, Coupling, Parameters};
-pub use run::{Epoch, Outcome, train};
+pub use run::{Epoch, Outcome, train, train_on};
 
 /// What goes wrong in training.
 #[derive(Debug, thiserror::Error)]
@@ -33,6 +34,9 @@ pub enum Error {
     /// The photos do not give enough to learn from.
     #[error("{0}")]
     TooLittle(String),
+    /// The caller's own crops could not be made.
+    #[error("{0}")]
+    Crops(String),
     /// Photos or pairs.
     #[error(transparent)]
     Pairs(#[from] lenslet_data_gen::pairs::Error),

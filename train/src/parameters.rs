@@ -1,6 +1,6 @@
 //! The parameters of training, one type for all algorithms.
 
-use lenslet_core::dictionary::{Footprint, Storage};
+use lenslet_core::dictionary::{Base, Footprint, Storage};
 use serde::{Deserialize, Serialize};
 
 use super::Error;
@@ -49,6 +49,7 @@ pub enum Coupling {
 /// | `crops` | 6 | crops a photo | 1 … 10 000 |
 /// | `shrink` | 1.5 | photos are shrunk by this first | 1 … 16 |
 /// | `footprints` | lenslet, point | one model each | |
+/// | `base` | by footprint | interpolation of the low images: barycentric, bicubic for grids; multiview only where the caller makes them | |
 /// | `pitch`, `rotation` | 1080/328, 0.002 | the lattice, output pixels and radians | pitch 1 … 64 |
 /// | `noise` | 0 | standard deviation of noise on the samples (range 0..1) | 0 … 1 |
 /// | `passes` | 1 | passes, each learned on the result of the one before | 1 … 4 |
@@ -81,6 +82,8 @@ pub struct Parameters {
     pub crops: usize,
     pub shrink: f64,
     pub footprints: Vec<Footprint>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub base: Option<Base>,
     pub pitch: f64,
     pub rotation: f64,
     pub noise: f32,
@@ -115,6 +118,7 @@ impl Default for Parameters {
             crops: 6,
             shrink: 1.5,
             footprints: vec![Footprint::Lenslet, Footprint::Point],
+            base: None,
             pitch: 1080.0 / 328.0,
             rotation: 0.002,
             noise: 0.0,

@@ -67,9 +67,26 @@ pub fn train(
     observer: &dyn Observer,
     log: &mut dyn FnMut(&Epoch),
 ) -> Result<Outcome, Error> {
+    let mut gather = |footprint, observer: &dyn Observer| data::gather(photos, parameters, footprint, observer);
+    train_on(&mut gather, parameters, checkpoint, resume, observer, log)
+}
+
+/// [`train`] on crops that `gather` makes for a footprint, the same ones whenever it is asked. What they start from is
+/// `parameters.base`.
+///
+/// # Errors
+/// As [`train`]; what `gather` returns.
+pub fn train_on(
+    gather: &mut dyn FnMut(Footprint, &dyn Observer) -> Result<Data, Error>,
+    parameters: &Parameters,
+    checkpoint: Option<&Path>,
+    resume: bool,
+    observer: &dyn Observer,
+    log: &mut dyn FnMut(&Epoch),
+) -> Result<Outcome, Error> {
     parameters.check()?;
     let started = std::time::Instant::now();
-    let mut data = data::gather(photos, parameters, parameters.footprints[0], observer)?;
+    let mut data = gather(parameters.footprints[0], observer)?;
     let skipped = data.skipped.clone();
     let key = Key { version: 1, parameters: parameters.clone(), photos: data.photos.clone() };
     let state = match checkpoint {
@@ -82,7 +99,7 @@ pub fn train(
             continue;
         }
         if m > 0 {
-            data = data::gather(photos, parameters, footprint, &Quiet(observer))?;
+            data = gather(footprint, &Quiet(observer))?;
         }
         run.model(footprint, &data)?;
     }

@@ -56,6 +56,8 @@ pub enum Base {
     Cubic,
     /// Bicubic enlargement of a rectangular grid.
     Bicubic,
+    /// All samples of all views at their places in one view (paper section 4.3).
+    Multiview,
 }
 
 impl std::fmt::Display for Base {
@@ -64,6 +66,7 @@ impl std::fmt::Display for Base {
             Base::Barycentric => "barycentric",
             Base::Cubic => "cubic",
             Base::Bicubic => "bicubic",
+            Base::Multiview => "multiview",
         })
     }
 }

@@ -1,0 +1,147 @@
+//! Quality against time of learned reconstruction, a row for every path, step and λ:
+//! `cargo run --release --example quality_time -- [--dictionary FILE] [--footprint point|lenslet] IMAGE…`
+//!
+//! Each image is cropped, sampled and interpolated as in `hex_psnr`. Times are CPU seconds a megapixel of all threads (Linux).
+//! `bound` is the time of the product DᵀY alone (features of all patches with all atoms or anchors), measured here on the same
+//! machine; `times_bound` is how far a row is from it. Prints one JSON object.
+
+use std::path::Path as FilePath;
+
+use anyhow::{anyhow, bail, ensure};
+use lenslet::infer::embedded;
+use lenslet_core::dictionary::{self, Footprint, Options, Path, Reconstructor};
+use lenslet_core::metrics;
+use lenslet_core::sampling::{self, DEFAULT_PITCH, DEFAULT_ROTATION, Weights, lattice_samples};
+use lenslet_data_gen::pairs::load_photo;
+use ndarray::{Array2, Axis, s};
+use serde_json::{Value, json};
+
+const SIDE: usize = 1080;
+const BORDER: usize = 12;
+
+/// Name, path, step, λ (the trained one where None), copies averaged.
+type Row = (&'static str, Path, usize, Option<f32>, usize);
+
+fn rows() -> Vec<Row> {
+    let mut rows: Vec<Row> = vec![("ridge", Path::Linear, 3, None, 1)];
+    rows.extend([4, 3, 2, 1].map(|step| ("fast", Path::Anchored, step, None, 1)));
+    rows.extend([4, 3, 2, 1].map(|step| ("learned", Path::Lasso, step, None, 1)));
+    rows.extend([0.15, 0.3].map(|lambda| ("learned", Path::Lasso, 2, Some(lambda), 1)));
+    rows.push(("both", Path::Both, 2, None, 1));
+    rows.push(("best", Path::Both, 2, None, 4));
+    rows
+}
+
+/// CPU seconds of this process's threads (Linux; elsewhere 0).
+fn cpu_seconds() -> f64 {
+    let Ok(tasks) = std::fs::read_dir("/proc/self/task") else { return 0.0 };
+    let spent = |task: std::fs::DirEntry| -> Option<f64> {
+        let line = std::fs::read_to_string(task.path().join("schedstat")).ok()?;
+        line.split_whitespace().next()?.parse().ok()
+    };
+    tasks.filter_map(|task| spent(task.ok()?)).sum::<f64>() * 1e-9
+}
+
+/// CPU seconds of one multiply-and-add of a product of `n` signals of `m` values with `k` atoms.
+fn product(n: usize, m: usize, k: usize) -> f64 {
+    let signals = Array2::from_shape_fn((n, m), |(i, j)| ((7 * i + 3 * j) % 11) as f32 - 5.0);
+    let atoms = Array2::from_shape_fn((k, m), |(i, j)| ((5 * i + j) % 13) as f32 - 6.0);
+    let (mut least, mut sum) = (f64::INFINITY, 0.0);
+    for _ in 0..5 {
+        let began = cpu_seconds();
+        sum += signals.dot(&atoms.t())[[0, 0]];
+        least = least.min(cpu_seconds() - began);
+    }
+    // The sum keeps the product from being left out.
+    if f32::is_nan(sum as f32) { f64::NAN } else { least / (n * m * k) as f64 }
+}
+
+#[allow(clippy::print_stdout)]
+fn main() -> anyhow::Result<()> {
+    let (mut dictionary, mut footprint, mut images) = (None, Footprint::Point, Vec::new());
+    let mut arguments = std::env::args().skip(1);
+    while let Some(argument) = arguments.next() {
+        let mut value = || arguments.next().ok_or_else(|| anyhow!("{argument} needs a value"));
+        match argument.as_str() {
+            "--dictionary" => dictionary = Some(dictionary::load(FilePath::new(&value()?))?),
+            "--footprint" => {
+                footprint = match value()?.as_str() {
+                    "point" => Footprint::Point,
+                    "lenslet" => Footprint::Lenslet,
+                    other => bail!("footprint {other}: point or lenslet"),
+                }
+            }
+            other if other.starts_with("--") => bail!("unknown option {other}"),
+            _ => images.push(argument),
+        }
+    }
+    ensure!(!images.is_empty(), "usage: quality_time [--dictionary FILE] [--footprint point|lenslet] IMAGE…");
+    let dictionary = dictionary.map_or_else(embedded, Ok)?;
+    let model = dictionary.model(footprint).ok_or_else(|| anyhow!("the dictionary holds no model"))?;
+
+    let mut planes = Vec::new();
+    let mut megapixels = 0.0;
+    for path in &images {
+        let photo = load_photo(FilePath::new(path), 2 * BORDER + 16)?;
+        let (h, w) = photo.luminance.dim();
+        let truth = photo.luminance.slice(s![..h.min(SIDE), ..w.min(SIDE)]).to_owned();
+        let (h, w) = truth.dim();
+        let seen = match footprint {
+            Footprint::Lenslet => sampling::Footprint::Disc(DEFAULT_PITCH),
+            _ => sampling::Footprint::Bilinear,
+        };
+        let image = truth.view().insert_axis(Axis(2));
+        let (placed, values) = lattice_samples(image, DEFAULT_PITCH, DEFAULT_ROTATION, [0.4, 0.7], seen)?;
+        let low = Weights::new(&placed.centres, (w, h), (w, h))?.apply(values.view())?.index_axis_move(Axis(2), 0);
+        megapixels += (h * w) as f64 * 1e-6;
+        planes.push((truth, low));
+    }
+    let psnr = |result: &Array2<f32>, truth: &Array2<f32>| -> anyhow::Result<f64> {
+        let (h, w) = truth.dim();
+        let inner = s![BORDER..h - BORDER, BORDER..w - BORDER];
+        let result = result.slice(inner).mapv(|v| v.clamp(0.0, 1.0));
+        Ok(metrics::psnr(result.view().into_dyn(), truth.slice(inner).into_dyn())?)
+    };
+    let mut before = 0.0;
+    for (truth, low) in &planes {
+        before += psnr(low, truth)? / planes.len() as f64;
+    }
+
+    let first = &model.passes[0];
+    let (features, atoms) = (first.low.ncols(), first.low.nrows());
+    let anchors = first.anchored.as_ref().map_or(0, |a| a.anchors.nrows());
+    let each = product(20_000, features, atoms);
+    let mut table: Vec<Value> = Vec::new();
+    for (name, path, step, lambda, ensemble) in rows() {
+        let options = Options { path, step, lambda, ensemble, ..Options::default() };
+        let reconstructor = Reconstructor::new(model, &options)?;
+        let (mut mean, mut seconds) = (0.0, 0.0);
+        for (truth, low) in &planes {
+            let began = cpu_seconds();
+            let result = reconstructor.plane(low.view())?;
+            seconds += cpu_seconds() - began;
+            mean += psnr(&result, truth)? / planes.len() as f64;
+        }
+        let compared = match path {
+            Path::Linear => 0,
+            Path::Lasso => atoms,
+            Path::Anchored => anchors,
+            Path::Both => atoms + anchors,
+        };
+        let patches = 1e6 / (step * step) as f64 * ensemble as f64;
+        let bound = patches * (features * compared) as f64 * each;
+        let per = seconds / megapixels;
+        table.push(json!({
+            "mode": name, "step": step, "lambda": lambda.unwrap_or(first.lambda), "copies": ensemble, "psnr": mean,
+            "cpu_seconds_per_megapixel": per, "bound": bound, "times_bound": (bound > 0.0).then_some(per / bound),
+        }));
+    }
+    println!(
+        "{}",
+        json!({
+            "images": images.len(), "megapixels": megapixels, "footprint": footprint, "atoms": atoms, "features": features,
+            "anchors": anchors, "low_psnr": before, "gflop_per_cpu_second": 2e-9 / each, "rows": table,
+        })
+    );
+    Ok(())
+}

@@ -1,0 +1,139 @@
+//! Training crops of views refined by all the others (paper 4.3, then 4.4): photos stand at several depths before the
+//! simulated camera; its captures are calibrated, decoded and refined as a user's would be, noise, colour filters, jitter of
+//! the lenslets and errors of disparity included. The truth is the scene as a lenslet sees it.
+
+use std::path::PathBuf;
+
+use lenslet_core::calibration;
+use lenslet_core::decode;
+use lenslet_core::dictionary::Photo;
+use lenslet_core::lightfield::{ColourSpace, colour};
+use lenslet_core::metrics::luminance;
+use lenslet_core::progress::{Observer, Silent};
+use lenslet_data_gen::pairs::{Crop, find_photos, load_photo};
+use lenslet_data_gen::simulate::{self, Camera};
+use lenslet_train::{Data, Error, Parameters};
+use ndarray::{Array2, s};
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+
+use crate::resample::{Target, encode, multiview};
+
+/// Photos that share a scene.
+const PHOTOS: usize = 3;
+/// Views a side of a capture.
+const VIEWS: usize = 7;
+/// Views of a capture that train.
+const TAKEN: usize = 4;
+/// Pixels left out at the border of a view.
+const BORDER: usize = 12;
+
+/// Crops for [`lenslet_train::train_on`] from photos (files, or folders that are searched): twice
+/// `parameters.crops` for every second photo that trains, of `parameters.crop` pixels a side; every `held_out`-th photo only
+/// before captures that do not train.
+///
+/// Each capture has a disparity of its own between −0.35 and 0.35 pitches a sensor pixel, often near 0 where views have the
+/// same samples all over again, and noise between none and full.
+///
+/// # Errors
+/// No usable photo, interruption, a pitch that no camera has.
+pub fn captured_crops(photos: &[PathBuf], parameters: &Parameters, observer: &dyn Observer) -> Result<Data, Error> {
+    let mut data = Data { train: Vec::new(), held_out: Vec::new(), photos: Vec::new(), skipped: Vec::new() };
+    let (mut train, mut held_out) = (Vec::new(), Vec::new());
+    let files = find_photos(photos)?;
+    observer.begin("photos", files.len() as u64);
+    for path in &files {
+        stop(observer)?;
+        observer.advance(1);
+        match load_photo(path, 64) {
+            Ok(photo) => {
+                let index = data.photos.len();
+                let keep = parameters.held_out >= 2 && index % parameters.held_out == parameters.held_out - 1;
+                if keep { &mut held_out } else { &mut train }.push((index, path.clone()));
+                data.photos.push(Photo { file: photo.name, sha256: photo.sha256 });
+            }
+            Err(e) => {
+                let note = format!("left out: {e}");
+                observer.note(&note);
+                data.skipped.push(note);
+            }
+        }
+    }
+    if train.is_empty() {
+        let of = files.len();
+        return Err(Error::TooLittle(format!("none of {of} files is a usable photo: {}", data.skipped.join("; "))));
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(parameters.seed);
+    // Every second photo is the background of a capture, with the two after it before it.
+    for k in (1..train.len()).rev() {
+        train.swap(k, rng.random_range(0..=k));
+    }
+    observer.begin("captures", (train.len().div_ceil(2) + held_out.len().div_ceil(2)) as u64);
+    for (set, crops, count) in [(&train, &mut data.train, 2 * parameters.crops), (&held_out, &mut data.held_out, 1)] {
+        for k in (0..set.len()).step_by(2) {
+            stop(observer)?;
+            let scene: Vec<PathBuf> = (0..PHOTOS.min(set.len())).map(|j| set[(k + j) % set.len()].1.clone()).collect();
+            let index = set[k].0;
+            let made = capture(&scene, index, count, parameters).map_err(|e| match e.downcast::<Error>() {
+                Ok(e) => e,
+                Err(e) => Error::Crops(format!("a simulated capture of {}: {e:#}", scene[0].display())),
+            })?;
+            crops.extend(made);
+            observer.advance(1);
+        }
+    }
+    Ok(data)
+}
+
+fn stop(observer: &dyn Observer) -> Result<(), Error> {
+    if observer.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
+}
+
+/// Crops of one capture.
+fn capture(photos: &[PathBuf], index: usize, count: usize, parameters: &Parameters) -> anyhow::Result<Vec<Crop>> {
+    let mut rng = ChaCha8Rng::seed_from_u64(parameters.seed);
+    rng.set_stream((5 << 60) | index as u64);
+    // As many output pixels as two crops and their borders take, at the camera's own scale.
+    let side = 2 * parameters.crop + 2 * BORDER;
+    let default = Camera::default();
+    let sensor = 2 * ((side as f64 * default.pitch / parameters.pitch / 2.0).round() as usize);
+    let camera = Camera {
+        rotation: parameters.rotation,
+        offset: [rng.random::<f64>() * default.pitch, rng.random::<f64>() * default.pitch],
+        ..Camera::with_sensor(sensor)
+    };
+    let disparity = 0.7 * rng.random::<f64>() - 0.35;
+    let options = simulate::Options { seed: rng.random::<u32>().into(), noise: rng.random::<f64>(), whites: 2 };
+    let scene = simulate::photos(photos, &camera, Some(disparity), options.seed, &Silent)?;
+    let simulation = simulate::render(&scene, &camera, &options, &Silent)?;
+    let calibration = calibration::calibrate(&simulation.whites, &calibration::Options::default(), &Silent)?;
+    let samples = decode::samples(&simulation.capture, &calibration, &decode::Options::default(), &Silent)?;
+
+    let mut views = vec![(VIEWS / 2, VIEWS / 2)];
+    while views.len() < TAKEN.min(count) {
+        views.push((rng.random_range(0..VIEWS), rng.random_range(0..VIEWS)));
+    }
+    let size = simulate::output_size(&camera, side);
+    let target = Target { width: size.0, height: size.1 };
+    let mut refined = Vec::new();
+    let wanted = multiview::Options { views: Some(views.clone()), ..multiview::Options::default() };
+    let mut keep = |_: usize, _: usize, view: &ndarray::Array3<f32>| {
+        refined.push(luminance(encode::srgb(view).view()));
+        Ok(())
+    };
+    multiview::render(&samples, &target, &wanted, &mut keep, &Silent)?;
+
+    let mut crops = Vec::new();
+    for k in 0..count {
+        let (v, u) = views[k % views.len()];
+        let mut truth = simulate::view(&scene, &camera, simulate::offset([v, u], VIEWS, 1.0), size);
+        colour::convert(&mut truth, ColourSpace::Linear, ColourSpace::Srgb);
+        let truth = luminance(truth.view());
+        let edge = parameters.crop.min(size.0.min(size.1).saturating_sub(2 * BORDER));
+        let mut corner = |n: usize| rng.random_range(BORDER..=(n - BORDER - edge).max(BORDER));
+        let (y, x) = (corner(size.1), corner(size.0));
+        let cut = |p: &Array2<f32>| p.slice(s![y..y + edge, x..x + edge]).to_owned();
+        crops.push(Crop { photo: index, high: cut(&truth), low: cut(&refined[k % views.len()]) });
+    }
+    Ok(crops)
+}

@@ -1,0 +1,151 @@
+//! How noisy samples are, by their brightness: what a sample differs from its neighbours in the flattest parts.
+//!
+//! For every sample, r = value − mean of its neighbours on the triangulation, whose variance is σ²(1 + 1/k) for k of them;
+//! then the root mean square of r over the sample and its neighbours. Among samples of a brightness, the lowest of these
+//! come from places with nothing but noise.
+
+use lenslet_core::sampling::{self, triangulate};
+
+/// Steps of brightness.
+const BINS: usize = 16;
+/// Share of a bin's samples taken for flat.
+const FLAT: f32 = 0.1;
+/// The `FLAT` quantile of the root mean square of seven neighbouring r of unit variance: measured on planted noise.
+const QUANTILE: f32 = 0.62;
+/// Fewest samples of a bin.
+const FEWEST: usize = 200;
+
+/// Which samples are neighbours.
+#[derive(Debug, Clone)]
+pub(super) struct Neighbours {
+    triangles: Vec<[u32; 3]>,
+    samples: usize,
+}
+
+impl Neighbours {
+    pub(super) fn new(centres: &[[f64; 2]]) -> Result<Self, sampling::Error> {
+        Ok(Neighbours { triangles: triangulate(centres)?.triangles, samples: centres.len() })
+    }
+
+    /// Mean of every sample's neighbours and their number; a neighbour counts once a triangle, so twice inside.
+    fn means(&self, values: &[f32]) -> Vec<(f32, f32)> {
+        let mut sums = vec![(0f32, 0f32); self.samples];
+        for t in &self.triangles {
+            let v = t.map(|k| values[k as usize]);
+            for k in 0..3 {
+                let (a, b) = (v[(k + 1) % 3], v[(k + 2) % 3]);
+                if a.is_finite() && b.is_finite() {
+                    let sum = &mut sums[t[k] as usize];
+                    sum.0 += a + b;
+                    sum.1 += 2.0;
+                }
+            }
+        }
+        sums.into_iter().map(|(sum, n)| if n > 0.0 { (sum / n, n / 2.0) } else { (f32::NAN, 0.0) }).collect()
+    }
+}
+
+/// Standard deviation of the samples' noise as a function of their brightness (both sRGB-encoded luminance).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Noise {
+    curve: [f32; BINS],
+}
+
+impl Noise {
+    /// The same at every brightness.
+    #[must_use]
+    pub fn constant(sigma: f32) -> Noise {
+        Noise { curve: [if sigma.is_finite() { sigma.max(0.0) } else { 0.0 }; BINS] }
+    }
+
+    /// From the samples of one view.
+    pub(super) fn estimate(values: &[f32], neighbours: &Neighbours) -> Noise {
+        if values.len() != neighbours.samples {
+            return Noise::constant(0.0);
+        }
+        let around = neighbours.means(values);
+        let squares: Vec<f32> = values
+            .iter()
+            .zip(&around)
+            .map(|(v, &(mean, n))| if n > 0.0 { (v - mean).powi(2) / (1.0 + 1.0 / n) } else { f32::NAN })
+            .collect();
+        let spread = neighbours.means(&squares);
+        let mut bins: [Vec<f32>; BINS] = std::array::from_fn(|_| Vec::new());
+        for ((&(mean, _), &own), &(others, n)) in around.iter().zip(&squares).zip(&spread) {
+            let square = (own + n * others) / (1.0 + n);
+            if square.is_finite() {
+                bins[((mean.clamp(0.0, 1.0) * BINS as f32) as usize).min(BINS - 1)].push(square);
+            }
+        }
+        let found = bins.map(|mut bin| {
+            let place = (FLAT * bin.len() as f32) as usize;
+            (bin.len() >= FEWEST).then(|| bin.select_nth_unstable_by(place, f32::total_cmp).1.sqrt() / QUANTILE)
+        });
+        // A brightness that hardly occurs has the noise of the nearest that does; none does: no noise is known.
+        let curve = std::array::from_fn(|k| {
+            let near = (0..BINS).filter(|&j| found[j].is_some()).min_by_key(|&j| j.abs_diff(k));
+            near.and_then(|j| found[j]).unwrap_or(0.0)
+        });
+        Noise { curve }
+    }
+
+    /// At a brightness; linear between the middles of the steps.
+    #[must_use]
+    pub fn at(&self, brightness: f32) -> f32 {
+        let x = if brightness.is_finite() { brightness.clamp(0.0, 1.0) } else { 0.0 };
+        let x = (x * BINS as f32 - 0.5).clamp(0.0, (BINS - 1) as f32);
+        let k = (x as usize).min(BINS - 2);
+        let f = x - k as f32;
+        self.curve[k] + f * (self.curve[k + 1] - self.curve[k])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::rngs::ChaCha8Rng;
+    use rand::{RngExt, SeedableRng};
+
+    fn lattice(n: usize) -> Vec<[f64; 2]> {
+        let row = |j: usize| (0..n).map(move |i| [i as f64 + 0.5 * (j % 2) as f64, j as f64 * 0.866]);
+        (0..n).flat_map(row).collect()
+    }
+
+    #[test]
+    fn planted_noise_is_found() {
+        let centres = lattice(110);
+        let neighbours = Neighbours::new(&centres).unwrap();
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let mut normal = || {
+            let (u, v) = (1.0 - rng.random::<f64>(), rng.random::<f64>());
+            ((-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()) as f32
+        };
+        // Half of it flat at two levels with noise of their own, half textured.
+        for (dark, bright) in [(0.02f32, 0.005f32), (0.01, 0.03)] {
+            let values: Vec<f32> = centres
+                .iter()
+                .map(|c| {
+                    let (level, sigma) = if c[1] < 47.0 { (0.15, dark) } else { (0.7, bright) };
+                    let texture =
+                        if c[0] > 55.0 { 0.1 * ((2.1 * c[0]).sin() * (1.7 * c[1]).cos()) as f32 } else { 0.0 };
+                    level + texture + sigma * normal()
+                })
+                .collect();
+            let noise = Noise::estimate(&values, &neighbours);
+            for (level, sigma) in [(0.15, dark), (0.7, bright)] {
+                let found = noise.at(level) / sigma;
+                assert!((0.75..1.35).contains(&found), "{level}: {found} of {sigma}");
+            }
+        }
+    }
+
+    #[test]
+    fn odd_samples_give_no_noise() {
+        let centres = lattice(20);
+        let neighbours = Neighbours::new(&centres).unwrap();
+        assert_eq!(Noise::estimate(&[0.5; 400], &neighbours), Noise::constant(0.0));
+        assert_eq!(Noise::estimate(&[f32::NAN; 400], &neighbours), Noise::constant(0.0));
+        assert_eq!(Noise::estimate(&[0.5; 3], &neighbours).at(f32::NAN), 0.0);
+        assert_eq!(Noise::constant(f32::NAN).at(0.5), 0.0);
+    }
+}
