@@ -289,7 +289,7 @@ fn one(args: &Args, job: &Job, shelf: &mut Shelf, context: &Context) -> anyhow::
     let target = Target { width: size[1], height: size[0] };
     let mut rendering =
         RenderOptions { base: args.base.unwrap_or(RenderOptions::default().base), ..RenderOptions::default() };
-    options.infer.noise = args.sample_noise;
+    rendering.infer.noise = args.sample_noise;
     if args.footprint == "lenslet" {
         rendering.infer.footprint = lenslet_core::dictionary::Footprint::Lenslet;
     }
