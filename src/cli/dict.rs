@@ -41,17 +41,48 @@ A .safetensors file, or a folder of .npy files with dictionary.json. Names are M
     },
 }
 
-/// A dictionary by name or file: `default` is the embedded one; another name without folders is also looked for as
-/// NAME.lfd in `dictionaries/` here.
+/// Dictionaries inside the program beside the default one: names and files.
+const SHELF: [(&str, &[u8]); 3] = [
+    ("small", include_bytes!("../../dictionaries/small.lfd")),
+    ("x2", include_bytes!("../../dictionaries/x2.lfd")),
+    ("x3", include_bytes!("../../dictionaries/x3.lfd")),
+];
+
+/// A dictionary by name or file. A file that exists is taken before a name; `default`, `small`, `x2` and `x3` are inside
+/// the program; another name without folders is also looked for as NAME.lfd in `dictionaries/` here and beside the program.
 pub fn find(name: &Path) -> anyhow::Result<Dictionary> {
+    if name.is_file() {
+        return Ok(dictionary::load(name)?);
+    }
     if name.as_os_str() == "default" {
         return Ok(infer::embedded()?);
     }
-    let shelf = Path::new("dictionaries").join(name).with_extension("lfd");
-    if !name.exists() && name.components().count() == 1 && shelf.exists() {
-        return Ok(dictionary::load(&shelf)?);
+    if let Some((known, bytes)) = SHELF.iter().find(|(known, _)| name.as_os_str() == *known) {
+        return Ok(dictionary::from_bytes(bytes, &format!("the embedded dictionary {known}"))?);
+    }
+    if name.components().count() == 1 {
+        let program = std::env::current_exe().ok().and_then(|p| p.parent().map(Path::to_path_buf));
+        for place in [Some(PathBuf::new()), program].into_iter().flatten() {
+            let file = place.join("dictionaries").join(name).with_extension("lfd");
+            if file.is_file() {
+                return Ok(dictionary::load(&file)?);
+            }
+        }
+        if name.extension().is_none() {
+            let known: Vec<&str> = SHELF.iter().map(|d| d.0).collect();
+            anyhow::bail!(
+                "there is no dictionary {}: give a file, one of default, {}, or a name in dictionaries/",
+                name.display(),
+                known.join(", ")
+            );
+        }
     }
     Ok(dictionary::load(name)?)
+}
+
+/// The dictionary inside the program for rectangular grids enlarged by `scale`, where there is one.
+pub fn for_grid(scale: f64) -> Option<&'static Path> {
+    [(2.0, "x2"), (3.0, "x3")].into_iter().find(|(s, _)| *s == scale).map(|(_, name)| Path::new(name))
 }
 
 /// What `dict show` and `info` say of a dictionary.

@@ -17,6 +17,7 @@ mod refocus;
 mod score;
 mod simulate;
 mod train_dict;
+mod train_report;
 mod view;
 mod viewpoint;
 mod written;

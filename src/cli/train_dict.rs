@@ -7,10 +7,11 @@ use anyhow::Context as _;
 use lenslet::infer;
 use lenslet_core::dictionary::{self, Base, Footprint};
 use lenslet_core::output;
+use lenslet_core::progress::Observer;
 use lenslet_train::{Algorithm, Coupling, Parameters, train, train_on};
 use serde_json::json;
 
-use super::{Context, Interrupted, Outcome, Usage};
+use super::{Context, Interrupted, Outcome, Usage, train_report};
 
 /// Learn a dictionary pair Dh/Dl from photos
 #[derive(Debug, clap::Args)]
@@ -22,7 +23,7 @@ Example: lenslet train-dict my-photos/ --out mine.lfd
 
 Folders are searched for .jpg, .png, .tif, .ppm. A photo that cannot be used is noted and left out.
 Beside --out, NAME.lfd.checkpoint holds the last whole epoch until training is finished, and NAME.lfd.log.jsonl
-one line an epoch.")]
+one line an epoch; at the end NAME.lfd.plot.svg shows how training went and NAME.lfd.atoms.png the atoms.")]
 pub struct Args {
     /// Photos, or folders of photos
     #[arg(required = true, value_name = "PHOTO")]
@@ -79,6 +80,12 @@ pub struct Args {
     /// Lattice (pitch, rotation) as this calibration's, for views 1080 pixels wide
     #[arg(long, value_name = "CAM.calib")]
     calibration: Option<PathBuf>,
+    /// The photos hold linear light (default: sRGB-encoded values)
+    #[arg(long)]
+    linear_light: bool,
+    /// GiB that pairs and crops may take (default: 4); fewer pairs where they would not fit
+    #[arg(long, value_name = "GIB")]
+    pairs_memory: Option<f64>,
     /// Seed
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
@@ -117,6 +124,8 @@ fn parameters(args: &Args) -> anyhow::Result<Parameters> {
     set(&mut p.shrink, args.shrink);
     set(&mut p.noise, args.noise);
     set(&mut p.seed, args.seed);
+    set(&mut p.memory, args.pairs_memory);
+    p.linear_light |= args.linear_light;
     match args.algorithm.as_deref() {
         Some("ksvd") => p.algorithm = Algorithm::Ksvd,
         Some("online") => p.algorithm = Algorithm::Online,
@@ -188,7 +197,8 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
                 Some(file) => file,
                 None => {
                     let mut open = std::fs::OpenOptions::new();
-                    open.create(true).write(true).append(args.resume).truncate(!args.resume);
+                    // A resumed run begins with the epochs of its checkpoint.
+                    open.create(true).write(true).truncate(true);
                     log.parent().map_or(Ok(()), std::fs::create_dir_all)?;
                     file.insert(open.open(&log)?)
                 }
@@ -215,6 +225,14 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     dictionary::save(&args.out, &outcome.dictionary, args.force)?;
     // Its work is done; a leftover would only be in the way.
     let _ = std::fs::remove_file(&checkpoint);
+    // The dictionary stands; pictures of it that cannot be written are worth a word, not a failure.
+    let (plot, mosaic) = (beside(".plot.svg"), beside(".atoms.png"));
+    let pictures = output::write_file(&plot, true, train_report::convergence(&outcome.trace).as_bytes())
+        .map_err(anyhow::Error::from)
+        .and_then(|()| Ok(output::write_file(&mosaic, true, &train_report::mosaic(&outcome.dictionary)?.bytes)?));
+    if let Err(e) = pictures {
+        context.progress.note(&format!("no pictures of the run: {e:#}"));
+    }
     // Told only now: a log that cannot be written costs nobody the dictionary.
     if let Some(e) = lost {
         return Err(anyhow::Error::new(e).context(format!("cannot write {}", log.display())));
@@ -233,6 +251,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let json = json!({
         "out": args.out.display().to_string(), "bytes": bytes, "photos": photos, "skipped": outcome.skipped,
         "parameters": parameters, "scores": scores, "epochs": outcome.trace,
+        "log": log.display().to_string(), "plot": plot.display().to_string(), "atoms": mosaic.display().to_string(),
     });
     Ok(Outcome { json, text })
 }

@@ -4,16 +4,60 @@ use std::path::PathBuf;
 
 use lenslet_core::dictionary::{Base, Footprint, Photo};
 use lenslet_core::progress::Observer;
-use lenslet_data_gen::pairs::{Crop, Degradation, crops, find_photos, load_photo};
+use lenslet_data_gen::pairs::{self, Crop, Degradation, Loaded, crops, find_photos, load_photo_in};
+use ndarray::{ArrayView2, Axis};
 
 use super::{Error, Parameters};
+
+/// Shortest side of a usable photo, pixels.
+const LEAST: usize = 64;
+/// Crops of the last photo that are kept for scores, where it is the one held out.
+const MOST_OF_LAST: usize = 6;
+
+/// Which crops are kept for scores.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Split {
+    /// None.
+    Nothing,
+    /// One crop of every n-th photo.
+    Every(usize),
+    /// Those of the last photo: there are fewer than n.
+    Last,
+    /// Those of a quarter of each photo: there are fewer than four.
+    Within,
+}
+
+impl Split {
+    fn of(files: usize, every: usize) -> Split {
+        match (every, files) {
+            (0, _) => Split::Nothing,
+            (n, f) if f >= n => Split::Every(n),
+            (_, f) if f >= 4 => Split::Last,
+            _ => Split::Within,
+        }
+    }
+}
+
+/// The first three quarters of a photo along its longer side, and the rest where it is large enough to be of use.
+fn cut_apart(photo: &Loaded) -> (Loaded, Option<Loaded>) {
+    let (h, w) = photo.luminance.dim();
+    let axis = Axis(usize::from(w > h));
+    let long = h.max(w);
+    let at = long - long / 4;
+    if (long / 4).min(h.min(w)) < LEAST {
+        return (photo.clone(), None);
+    }
+    let (most, rest) = photo.luminance.view().split_at(axis, at);
+    let part = |plane: ArrayView2<'_, f32>| Loaded { luminance: plane.to_owned(), ..photo.clone() };
+    (part(most), Some(part(rest)))
+}
 
 /// Crops of one footprint.
 #[derive(Debug, Clone)]
 pub struct Data {
     /// Crops that train.
     pub train: Vec<Crop>,
-    /// Crops of photos that do not.
+    /// Crops that do not; none of them shows what a training crop shows.
     pub held_out: Vec<Crop>,
     /// The photos used.
     pub photos: Vec<Photo>,
@@ -28,7 +72,8 @@ pub fn degradation(parameters: &Parameters, footprint: Footprint) -> Degradation
     Degradation { pitch: parameters.pitch, rotation: parameters.rotation, footprint, base, noise: parameters.noise }
 }
 
-/// Reads the photos and cuts crops. A photo that cannot be used is noted and left out. One photo is in memory at a time.
+/// Reads the photos and cuts crops, some of them held out of training: one of every n-th photo; where there are fewer
+/// photos those of the last one; of one to three photos a quarter each. A photo that cannot be used is noted and left out. One photo is in memory at a time.
 ///
 /// # Errors
 /// When no photo is left, or paths or parameters are wrong.
@@ -42,30 +87,97 @@ pub fn gather(
     let degradation = degradation(parameters, footprint);
     let mut data = Data { train: Vec::new(), held_out: Vec::new(), photos: Vec::new(), skipped: Vec::new() };
     observer.begin("photos", files.len() as u64);
+    let split = Split::of(files.len(), parameters.held_out);
     for path in &files {
         if observer.cancelled() {
             return Err(Error::Interrupted);
         }
         observer.advance(1);
-        let photo = match load_photo(path, 64) {
+        let mut leave_out = |e: pairs::Error| {
+            let note = format!("left out: {e}");
+            observer.note(&note);
+            data.skipped.push(note);
+        };
+        let photo = match load_photo_in(path, LEAST, parameters.linear_light) {
             Ok(photo) => photo,
             Err(e) => {
-                let note = format!("left out: {e}");
-                observer.note(&note);
-                data.skipped.push(note);
+                leave_out(e);
                 continue;
             }
         };
         let index = data.photos.len();
-        let keep = parameters.held_out >= 2 && index % parameters.held_out == parameters.held_out - 1;
-        let count = if keep { 1 } else { parameters.crops };
-        let cut = crops(&photo, index, count, parameters.crop, parameters.shrink, &degradation, parameters.seed)?;
-        if keep { &mut data.held_out } else { &mut data.train }.extend(cut);
+        let cut = |photo: &Loaded, count: usize| {
+            let p = parameters;
+            crops(photo, index, count, p.crop, p.shrink, &degradation, p.seed)
+        };
+        match split {
+            Split::Every(n) if index % n == n - 1 => data.held_out.extend(cut(&photo, 1)?),
+            Split::Within => {
+                let (most, rest) = cut_apart(&photo);
+                data.train.extend(cut(&most, parameters.crops)?);
+                if let Some(rest) = rest {
+                    data.held_out.extend(cut(&rest, 2)?);
+                }
+            }
+            _ => data.train.extend(cut(&photo, parameters.crops)?),
+        }
         data.photos.push(Photo { file: photo.name, sha256: photo.sha256 });
+    }
+    if split == Split::Last && data.photos.len() > 1 {
+        let last = data.photos.len() - 1;
+        let (kept, mut held_out): (Vec<Crop>, Vec<Crop>) = data.train.into_iter().partition(|c| c.photo != last);
+        held_out.truncate(MOST_OF_LAST);
+        (data.train, data.held_out) = (kept, held_out);
     }
     if data.train.is_empty() {
         let of = files.len();
         return Err(Error::TooLittle(format!("none of {of} files is a usable photo: {}", data.skipped.join("; "))));
     }
     Ok(data)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lenslet_core::progress::Silent;
+
+    fn photos(folder: &std::path::Path, count: u32) -> Vec<PathBuf> {
+        let save = |n: u32| {
+            let path = folder.join(format!("{n}.png"));
+            // The column is in the grey value: crops tell where they come from.
+            image::GrayImage::from_fn(400, 100, |x, y| image::Luma([(x / 2) as u8 + (y % 3) as u8]))
+                .save(&path)
+                .unwrap();
+            path
+        };
+        (0..count).map(save).collect()
+    }
+
+    fn gathered(count: u32, held_out: usize) -> Data {
+        let folder = tempfile::tempdir().unwrap();
+        let parameters = Parameters { held_out, crop: 40, crops: 9, shrink: 1.0, ..Parameters::default() };
+        gather(&photos(folder.path(), count), &parameters, Footprint::Point, &Silent).unwrap()
+    }
+
+    #[test]
+    fn some_crops_are_held_out_of_any_number_of_photos() {
+        for (count, train, held_out) in [(9, 8, 1), (8, 7, 1), (7, 6, 6), (4, 3, 6), (3, 3, 6), (1, 1, 2)] {
+            let data = gathered(count, 8);
+            assert_eq!((data.train.len(), data.held_out.len()), (9 * train, held_out), "{count} photos");
+            if count >= 4 {
+                assert!(data.held_out.iter().all(|h| data.train.iter().all(|t| t.photo != h.photo)));
+            }
+        }
+        assert_eq!(gathered(3, 0).held_out.len(), 0);
+    }
+
+    #[test]
+    fn parts_of_one_photo_do_not_overlap() {
+        let data = gathered(2, 8);
+        let bright = |c: &Crop| c.high.iter().copied().fold(0.0, f32::max);
+        let dark = |c: &Crop| c.high.iter().copied().fold(1.0, f32::min);
+        // Columns up to 299 train, of grey values up to 149 + 2; the border of a crop is cut off.
+        assert!(data.train.iter().all(|c| bright(c) <= 151.0 / 255.0 + 1e-3));
+        assert!(data.held_out.iter().all(|c| dark(c) >= 150.0 / 255.0 - 1e-3));
+    }
 }

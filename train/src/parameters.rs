@@ -57,7 +57,9 @@ pub enum Coupling {
 /// | `anchors` | 512 | anchored regressors of the fast path, 0 for none | 0 … 8192 |
 /// | `neighbours` | 2048 | pairs each regressor is fitted to | 16 … 1 000 000 |
 /// | `ridge` | 0.1 | regularisation of the anchored regressors, for unit features | > 0 |
-/// | `held_out` | 8 | every n-th photo is kept for scores | 0 (none), 2 … |
+/// | `held_out` | 8 | every n-th photo is kept for scores; of fewer photos the last one, or a quarter of each | 0 (none), 2 … |
+/// | `linear_light` | false | photos hold linear light, not sRGB-encoded values | |
+/// | `memory` | 4 | GiB that pairs and crops may take: fewer pairs where they would not fit | 0.05 … 1024 |
 /// | `storage` | i8 | how anchored maps are stored | |
 /// | `seed` | 1 | seed of the ChaCha8 generators | |
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -93,8 +95,24 @@ pub struct Parameters {
     pub neighbours: usize,
     pub ridge: f32,
     pub held_out: usize,
+    #[serde(skip_serializing_if = "no")]
+    pub linear_light: bool,
+    #[serde(skip_serializing_if = "usual")]
+    pub memory: f64,
     pub storage: Storage,
     pub seed: u64,
+}
+
+/// GiB of `memory` unless told otherwise.
+const MEMORY: f64 = 4.0;
+
+/// Options that came later are written only where they are used: recipes that do without them keep their bytes.
+fn no(value: &bool) -> bool {
+    !value
+}
+
+fn usual(memory: &f64) -> bool {
+    *memory == MEMORY
 }
 
 impl Default for Parameters {
@@ -128,6 +146,8 @@ impl Default for Parameters {
             neighbours: 2048,
             ridge: 0.1,
             held_out: 8,
+            linear_light: false,
+            memory: MEMORY,
             storage: Storage::I8,
             seed: 1,
         }
@@ -173,6 +193,7 @@ impl Parameters {
         within("anchors", self.anchors, 0, 8192)?;
         within("neighbours", self.neighbours, 16, 1_000_000)?;
         within("ridge", self.ridge, 1e-6, 1e6)?;
+        within("memory", self.memory, 0.05, 1024.0)?;
         if self.held_out == 1 {
             return Err(Error::Parameter("held_out 1 would leave no photo to learn from".into()));
         }
@@ -180,5 +201,41 @@ impl Parameters {
             return Err(Error::Parameter("one to four footprints are needed".into()));
         }
         Ok(())
+    }
+
+    /// Pairs that `memory` allows beside crops of `crop_bytes`: their features and residuals once, and once more where both
+    /// are stacked or the regressor is taken off them.
+    #[must_use]
+    pub fn pairs_within(&self, crop_bytes: usize) -> usize {
+        let copies = if self.coupling == Coupling::Joint || self.with_linear { 2.0 } else { 1.5 };
+        let each = copies * 4.0 * (self.features + self.patch * self.patch) as f64;
+        // A fifth is for statistics, codes in work and everything else.
+        let left = (0.8 * self.memory * f64::from(1u32 << 30) - crop_bytes as f64).max(0.0);
+        self.pairs.min((left / each) as usize)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_smaller_budget_allows_fewer_pairs() {
+        let p = Parameters { pairs: 20_000_000, ..Parameters::default() };
+        let most = p.pairs_within(0);
+        assert!(most > 1_000_000 && most < 4_000_000, "{most}");
+        let half = Parameters { memory: 2.0, ..p.clone() }.pairs_within(0);
+        assert!((most as f64 / half as f64 - 2.0).abs() < 0.01);
+        assert!(p.pairs_within(1 << 30) < most && p.pairs_within(usize::MAX) == 0);
+        assert_eq!(Parameters::default().pairs_within(0), 200_000);
+    }
+
+    #[test]
+    fn later_options_leave_old_recipes_as_they_were() {
+        let text = serde_json::to_string(&Parameters::default()).unwrap();
+        assert!(!text.contains("memory") && !text.contains("linear_light"));
+        let back: Parameters = serde_json::from_str(r#"{"memory":1.5,"linear_light":true}"#).unwrap();
+        assert!(serde_json::to_string(&back).unwrap().contains(r#""linear_light":true,"memory":1.5"#));
+        assert!(Parameters { memory: f64::NAN, ..Parameters::default() }.check().is_err());
     }
 }

@@ -55,7 +55,8 @@ pub struct Outcome {
 /// Trains a dictionary on the photos (files, or folders that are searched).
 ///
 /// With a `checkpoint` file, the state is saved there after every epoch; with `resume` a run goes on from it, to the very
-/// dictionary that the uninterrupted run gives. `log` hears every epoch.
+/// dictionary that the uninterrupted run gives. `log` hears every epoch, first those of the checkpoint. A checkpoint that
+/// cannot be written is noted, and training goes on.
 ///
 /// # Errors
 /// Parameters out of range, no usable photo, a checkpoint of another run, [`Error::Interrupted`].
@@ -93,6 +94,7 @@ pub fn train_on(
         Some(path) if resume => checkpoint::load(path, &key)?,
         _ => Checkpoint { key, done: None, at: (0, 0), stage: None, trace: Vec::new() },
     };
+    state.trace.iter().for_each(&mut *log);
     let mut run = Run { parameters, observer, log, path: checkpoint, state, started };
     for (m, &footprint) in parameters.footprints.iter().enumerate() {
         if run.state.at.0 != m {
@@ -181,7 +183,6 @@ impl Run<'_> {
                 Some(m) => (self.advance(m, &data.train)?.into(), self.advance(m, &data.held_out)?.into()),
             };
             let pass = self.pass(footprint, number, &train, &held_out, &degradation)?;
-            drop(train);
             let mut passes = passes;
             passes.push(pass);
             let finished = model(passes);
@@ -194,10 +195,11 @@ impl Run<'_> {
             done.models.push(finished);
             self.state.at.1 += 1;
             self.state.stage = None;
-            self.save()?;
+            self.save();
         }
         self.state.at = (self.state.at.0 + 1, 0);
-        self.save()
+        self.save();
+        Ok(())
     }
 
     /// Crops whose low image is what the passes so far make of it.
@@ -219,10 +221,13 @@ impl Run<'_> {
         if self.observer.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
     }
 
-    fn save(&self) -> Result<(), Error> {
-        match self.path {
-            Some(path) => checkpoint::save(path, &self.state),
-            None => Ok(()),
+    /// Saves the checkpoint. Training goes on without one (a full disk may have room again after the next epoch); the
+    /// one before stays.
+    fn save(&self) {
+        if let Some(path) = self.path
+            && let Err(e) = checkpoint::save(path, &self.state)
+        {
+            self.observer.note(&format!("no checkpoint of this epoch, training goes on: {e}"));
         }
     }
 
@@ -256,8 +261,8 @@ impl Run<'_> {
         };
         if let Stage::Learn(mut done, mut state) = stage {
             let stacked = match p.coupling {
-                Coupling::Joint => stack(&ready),
-                Coupling::Low => ready.signals.clone(),
+                Coupling::Joint => Cow::Owned(stack(&ready)),
+                Coupling::Low => Cow::Borrowed(&ready.signals),
             };
             while done < p.epochs {
                 let mut rng = self.rng(0x1000 + done as u64);
@@ -283,7 +288,7 @@ impl Run<'_> {
                 };
                 self.report(footprint, number, "learn", done, summary, psnr, scorer.low);
                 self.state.stage = Some(Stage::Learn(done, state.clone()));
-                self.save()?;
+                self.save();
             }
             let (low, _) = split(&state.atoms, &ready, p.coupling);
             let high = self.fit_high(&low, &problem)?;
@@ -313,7 +318,7 @@ impl Run<'_> {
             let summary = online::Summary { objective, nonzeros, replaced: 0 };
             self.report(footprint, number, "refine", done, summary, psnr, scorer.low);
             self.state.stage = Some(Stage::Refine(done, state.clone()));
-            self.save()?;
+            self.save();
         }
         let high = if p.refine > 0 { self.fit_high(&state.low, &problem)? } else { state.high };
         let psnr = scorer.score(&state.low, &high)?;
@@ -344,9 +349,9 @@ impl Run<'_> {
         let anchors = anchored::anchors(&ready.signals, p.anchors, 6, 60_000, &mut rng)?;
         let targets = if p.with_linear {
             // Anchored regressors stand alone: their targets are whole.
-            &ready.targets + &ready.signals.dot(&ready.linear)
+            Cow::Owned(&ready.targets + &ready.signals.dot(&ready.linear))
         } else {
-            ready.targets.clone()
+            Cow::Borrowed(&ready.targets)
         };
         let stop = || self.observer.cancelled();
         let fitted = anchored::fit(anchors, ready.signals.view(), targets.view(), p.neighbours, p.ridge, &stop)?;
@@ -357,10 +362,15 @@ impl Run<'_> {
         let p = self.parameters;
         self.observer.begin("pairs", 0);
         let (filters, _) = pairs::learn_filters(crops, p.window, p.features)?;
+        let crop_bytes = crops.iter().map(|c| 4 * (c.high.len() + c.low.len())).sum();
+        let most = p.pairs_within(crop_bytes);
+        if most < p.pairs {
+            self.observer.note(&format!("{most} pairs instead of {}: more do not fit into {} GiB", p.pairs, p.memory));
+        }
         let options = PatchOptions {
             patch: p.patch,
             window: p.window,
-            per_crop: p.pairs.div_ceil(crops.len()),
+            per_crop: most.div_ceil(crops.len()),
             seed: p.seed,
             ..PatchOptions::default()
         };

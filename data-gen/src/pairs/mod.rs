@@ -7,11 +7,12 @@
 mod crop;
 mod extract;
 mod photo;
+mod twins;
 mod write;
 
 pub use crop::{Crop, Degradation, crops, degrade};
 pub use extract::{Pairs, PatchOptions, learn_filters, pairs};
-pub use photo::{Kernel, Loaded, find_photos, load_photo, reduce};
+pub use photo::{Kernel, Loaded, find_photos, load_photo, load_photo_in, reduce};
 pub use write::{Manifest, write};
 
 /// What goes wrong in making pairs.

@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 
 use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
+use lenslet_core::lightfield::colour;
 use ndarray::{Array2, ArrayView2};
 use sha2::{Digest, Sha256};
 
@@ -63,12 +64,20 @@ fn walk(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) -> std::io::Resul
 }
 
 /// Reads a photo of any size the `image` crate can decode (8 or 16 bit, grey or colour; transparency is ignored), turned
-/// upright by its EXIF orientation. 16-bit and floating values are taken as sRGB-encoded, as they are.
+/// upright by its EXIF orientation. All values are taken as sRGB-encoded; see [`load_photo_in`] for linear light.
 ///
 /// # Errors
 /// [`Error::Photo`] when the file cannot be read or decoded, is larger than the memory limit, smaller than `least` pixels a
 /// side, or of one colour.
 pub fn load_photo(path: &Path, least: usize) -> Result<Loaded, Error> {
+    load_photo_in(path, least, false)
+}
+
+/// As [`load_photo`]; with `linear_light` the file's values are linear and are sRGB-encoded first, channel by channel.
+///
+/// # Errors
+/// As [`load_photo`].
+pub fn load_photo_in(path: &Path, least: usize, linear_light: bool) -> Result<Loaded, Error> {
     let wrong = |reason: String| Error::Photo { path: path.display().to_string(), reason };
     let length = std::fs::metadata(path).map_err(|e| wrong(e.to_string()))?.len();
     if length > MEMORY {
@@ -88,7 +97,7 @@ pub fn load_photo(path: &Path, least: usize) -> Result<Loaded, Error> {
     }
     let mut photo = DynamicImage::from_decoder(decoder).map_err(|e| wrong(e.to_string()))?;
     photo.apply_orientation(orientation);
-    let luminance = luminance(&photo);
+    let luminance = luminance(&photo, linear_light);
     let (low, high) = luminance.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
     if high.partial_cmp(&(low + 2.0 / 255.0)) != Some(std::cmp::Ordering::Greater) {
         return Err(wrong("it is of one colour".into()));
@@ -98,9 +107,12 @@ pub fn load_photo(path: &Path, least: usize) -> Result<Loaded, Error> {
     Ok(Loaded { name, sha256, luminance })
 }
 
-fn luminance(photo: &DynamicImage) -> Array2<f32> {
-    let rgb = photo.to_rgb32f();
+fn luminance(photo: &DynamicImage, linear_light: bool) -> Array2<f32> {
+    let mut rgb = photo.to_rgb32f();
     let (w, h) = rgb.dimensions();
+    if linear_light {
+        rgb.iter_mut().for_each(|v| *v = colour::encode(*v));
+    }
     let weigh = |p: &[f32]| {
         let y = 0.299 * p[0] + 0.587 * p[1] + 0.114 * p[2];
         if y.is_finite() { y.clamp(0.0, 1.0) } else { 0.0 }
@@ -226,5 +238,68 @@ mod tests {
         let truth = (0.299 * 10_000.0 + 0.587 * 20_000.0) / 65535.0;
         assert!((photo.luminance[[20, 10]] - truth).abs() < 1e-5);
         assert_eq!(photo.sha256.len(), 64);
+    }
+
+    /// A JPEG whose EXIF block says how the camera was held.
+    fn turned(photo: &image::GrayImage, orientation: u8) -> Vec<u8> {
+        let mut jpeg = Vec::new();
+        image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 95).encode_image(photo).unwrap();
+        let mut exif = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
+        exif.extend([orientation, 0, 0, 0, 0, 0, 0, 0]);
+        let mut out = jpeg[..2].to_vec();
+        out.extend([0xff, 0xe1]);
+        out.extend(((exif.len() + 2) as u16).to_be_bytes());
+        out.extend(exif);
+        out.extend(&jpeg[2..]);
+        out
+    }
+
+    #[test]
+    fn photos_stand_upright_whatever_the_camera_did() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("p.jpg");
+        let photo = image::GrayImage::from_fn(80, 60, |x, y| image::Luma([(2 * x + y) as u8]));
+        let upright = |x: usize, y: usize| (2 * x + y) as f32 / 255.0;
+        let stored = |orientation| {
+            std::fs::write(&path, turned(&photo, orientation)).unwrap();
+            load_photo(&path, 32).unwrap().luminance
+        };
+        let plain = stored(1);
+        let half = stored(3);
+        let quarter = stored(6);
+        assert_eq!((plain.dim(), half.dim(), quarter.dim()), ((60, 80), (60, 80), (80, 60)));
+        for (x, y) in [(5, 7), (70, 20), (33, 50)] {
+            assert!((plain[[y, x]] - upright(x, y)).abs() < 0.02);
+            assert!((half[[59 - y, 79 - x]] - upright(x, y)).abs() < 0.02);
+            // Turned to the right by a quarter: columns become rows.
+            assert!((quarter[[x, 59 - y]] - upright(x, y)).abs() < 0.02);
+        }
+    }
+
+    #[test]
+    fn linear_light_is_encoded_when_it_is_said_to_be_linear() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("linear.png");
+        image::ImageBuffer::from_fn(40, 40, |x, _| image::Luma([x as u16 * 1600])).save(&path).unwrap();
+        let (plain, encoded) = (load_photo(&path, 32).unwrap(), load_photo_in(&path, 32, true).unwrap());
+        let value = plain.luminance[[3, 10]];
+        assert!((value - 16_000.0 / 65_535.0).abs() < 1e-4);
+        let truth = 1.055 * value.powf(1.0 / 2.4) - 0.055;
+        assert!((encoded.luminance[[3, 10]] - truth).abs() < 1e-4, "{}", encoded.luminance[[3, 10]]);
+    }
+
+    #[test]
+    fn ink_is_turned_into_light() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/reference/cmyk.jpg");
+        let photo = load_photo(&path, 32).unwrap();
+        assert_eq!(photo.luminance.dim(), (96, 128));
+        // C = 2x, M = 2y, Y = 40, K = 0 or 60 of 255 as it was written; light is (1 − ink)·(1 − K).
+        for (x, y) in [(8usize, 8usize), (100, 8), (8, 80), (56, 56)] {
+            let ink = |v: f32| 1.0 - v / 255.0;
+            let black = if (x / 16 + y / 16) % 2 == 1 { 0.0 } else { 60.0 };
+            let light = 0.299 * ink(2.0 * x as f32) + 0.587 * ink(2.0 * y as f32) + 0.114 * ink(40.0);
+            let found = photo.luminance[[y, x]];
+            assert!((found - light * ink(black)).abs() < 0.04, "({x}, {y}): {found} {}", light * ink(black));
+        }
     }
 }

@@ -1,0 +1,208 @@
+//! Training that is killed, resumed, short of disk space, or given photos that are hard to use.
+
+#![allow(clippy::unwrap_used, clippy::expect_used)] // a test may fail loudly
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+fn text(p: &Path) -> &str {
+    p.to_str().unwrap()
+}
+
+/// Slanted stripes, different for each number.
+fn photo(path: &Path, number: u32) {
+    let (a, b) = (0.15 + 0.05 * number as f32, 0.3 - 0.04 * number as f32);
+    image::GrayImage::from_fn(180, 160, |x, y| {
+        let (x, y) = (x as f32, y as f32);
+        let stripes = ((a * x + b * y).sin() * 2.0).clamp(-1.0, 1.0) + ((a * y - b * x) * 0.7).sin().signum();
+        image::Luma([(127.0 + 50.0 * stripes) as u8])
+    })
+    .save(path)
+    .unwrap();
+}
+
+/// A folder with `count` photos and a small recipe of two epochs of each kind; its name.
+fn world(folder: &Path, count: u32) -> PathBuf {
+    std::fs::create_dir(folder.join("photos")).unwrap();
+    (0..count).for_each(|n| photo(&folder.join(format!("photos/{n}.png")), n));
+    let recipe = folder.join("recipe.json");
+    std::fs::write(
+        &recipe,
+        r#"{"atoms":24,"patch":5,"window":5,"features":16,"epochs":2,"refine":2,"batch":64,"pairs":2000,"crop":100,
+            "crops":2,"shrink":1.0,"anchors":8,"neighbours":200,"footprints":["point"]}"#,
+    )
+    .unwrap();
+    recipe
+}
+
+fn arguments(folder: &Path, out: &str) -> Vec<String> {
+    let at = |name: &str| text(&folder.join(name)).to_owned();
+    vec!["train-dict".into(), at("photos"), "--parameters".into(), at("recipe.json"), "--out".into(), at(out)]
+}
+
+fn run(arguments: &[String]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_lenslet")).args(arguments).output().unwrap()
+}
+
+fn succeeds(output: &Output) -> String {
+    let error = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{error}");
+    error
+}
+
+#[test]
+fn a_killed_run_loses_at_most_the_epoch_in_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    world(folder.path(), 3);
+    succeeds(&run(&arguments(folder.path(), "whole.lfd")));
+
+    let cut = arguments(folder.path(), "cut.lfd");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_lenslet"))
+        .args(&cut)
+        .stderr(Stdio::null())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    // Killed (SIGKILL) at once after its first epochs have been written down.
+    let began = Instant::now();
+    let log = at("cut.lfd.log.jsonl");
+    let seen = loop {
+        let lines = std::fs::read_to_string(&log).map_or(0, |t| t.lines().count());
+        if (lines >= 2 && at("cut.lfd.checkpoint").exists()) || child.try_wait().unwrap().is_some() {
+            break lines;
+        }
+        assert!(began.elapsed() < Duration::from_secs(120), "no epoch was finished");
+        std::thread::sleep(Duration::from_millis(1));
+    };
+    child.kill().unwrap();
+    child.wait().unwrap();
+    if at("cut.lfd").exists() {
+        // The run was faster than the kill: then there is nothing to resume, and nothing was lost.
+        assert_eq!(std::fs::read(at("cut.lfd")).unwrap(), std::fs::read(at("whole.lfd")).unwrap());
+        return;
+    }
+
+    let resumed = run(&[cut, vec!["--resume".into()]].concat());
+    let news = succeeds(&resumed);
+    assert_eq!(std::fs::read(at("cut.lfd")).unwrap(), std::fs::read(at("whole.lfd")).unwrap());
+    // Epochs that were done again are told again; of those seen before the kill that is at most one.
+    let again = news.lines().filter(|l| l.contains("objective")).count();
+    assert!(again + seen <= 5 + 1, "{seen} epochs before, {again} after: {news}");
+    let epochs = |name: &str| -> Vec<serde_json::Value> {
+        let text = std::fs::read_to_string(at(name)).unwrap();
+        let mut all: Vec<serde_json::Value> = text.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
+        all.iter_mut().for_each(|e| e["seconds"] = 0.into());
+        all
+    };
+    assert_eq!(epochs("cut.lfd.log.jsonl"), epochs("whole.lfd.log.jsonl"));
+    assert_eq!(epochs("cut.lfd.log.jsonl").len(), 5);
+    assert!(epochs("cut.lfd.log.jsonl")[0]["held_out_psnr"].is_null(), "photos too small to hold a part out");
+    for picture in ["cut.lfd.plot.svg", "cut.lfd.atoms.png"] {
+        assert!(std::fs::metadata(at(picture)).unwrap().len() > 500, "{picture}");
+    }
+    assert!(image::open(at("cut.lfd.atoms.png")).is_ok());
+    assert!(!at("cut.lfd.checkpoint").exists());
+}
+
+/// A limit on the size of files stands for a disk that is full: the same writes fail.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_said_and_training_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    world(folder.path(), 3);
+    let limited = |kilobytes: usize, out: &str| {
+        let script = format!("trap '' XFSZ; ulimit -f {}; exec \"$@\"", 2 * kilobytes);
+        let mut command = Command::new("sh");
+        command.args(["-c", &script, "sh", env!("CARGO_BIN_EXE_lenslet")]).args(arguments(folder.path(), out));
+        command.output().unwrap()
+    };
+    // Room for the dictionary, not for checkpoints.
+    let done = limited(24, "small.lfd");
+    let news = succeeds(&done);
+    assert!(news.contains("no checkpoint of this epoch") && news.contains("small.lfd.checkpoint"), "{news}");
+    assert!(at("small.lfd").exists() && !at("small.lfd.checkpoint").exists());
+
+    // No room for anything.
+    let done = limited(4, "none.lfd");
+    let news = String::from_utf8_lossy(&done.stderr);
+    assert_eq!(done.status.code(), Some(1), "{news}");
+    let last = news.lines().last().unwrap();
+    assert!(last.contains("none.lfd") && last.contains("too large"), "{news}");
+    let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+    assert!(left.iter().all(|n| n.to_string_lossy() != "none.lfd"), "{left:?}");
+}
+
+#[test]
+fn photos_that_cannot_be_used_are_named_and_the_rest_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    world(folder.path(), 2);
+    let at = |name: &str| folder.path().join("photos").join(name);
+    std::fs::write(at("broken.jpg"), b"not a photo").unwrap();
+    image::GrayImage::from_pixel(200, 200, image::Luma([90])).save(at("grey.png")).unwrap();
+    image::GrayImage::from_pixel(1, 1, image::Luma([90])).save(at("dot.png")).unwrap();
+    let mut cut = std::fs::read(at("0.png")).unwrap();
+    cut.truncate(cut.len() / 2);
+    std::fs::write(at("cut.png"), cut).unwrap();
+    // A CMYK photo and one of 16 bit are photos like others.
+    std::fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/reference/cmyk.jpg"), at("cmyk.jpg")).unwrap();
+    image::ImageBuffer::from_fn(150, 150, |x, y| image::Luma([((x * x + 7 * y) % 251) as u16 * 260]))
+        .save(at("deep.png"))
+        .unwrap();
+    let out = run(&[arguments(folder.path(), "mine.lfd"), vec!["--json".into()]].concat());
+    let news = succeeds(&out);
+    let report: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+    assert_eq!(report["photos"], 4, "{news}");
+    assert_eq!(report["skipped"].as_array().unwrap().len(), 4);
+    for (name, why) in [("broken.jpg", ""), ("grey.png", "one colour"), ("dot.png", "too few"), ("cut.png", "")] {
+        let line = news.lines().find(|l| l.contains(name)).unwrap_or_else(|| panic!("{name} is not named: {news}"));
+        assert!(line.contains("left out") && line.contains(why), "{line}");
+    }
+
+    // Pairs: the same photos, the same words.
+    let pairs = folder.path().join("pairs");
+    let made = Command::new(env!("CARGO_BIN_EXE_lenslet"))
+        .args([
+            "gen-pairs",
+            text(&folder.path().join("photos")),
+            "--out",
+            text(&pairs),
+            "--pairs",
+            "300",
+            "--crop",
+            "60",
+        ])
+        .output()
+        .unwrap();
+    let news = succeeds(&made);
+    assert_eq!(news.lines().filter(|l| l.contains("left out")).count(), 4, "{news}");
+}
+
+#[test]
+fn shipped_dictionaries_are_found_by_name() {
+    for (name, footprint, pitch) in [("small", "lenslet", 3.2927), ("x2", "grid", 2.0), ("x3", "grid", 3.0)] {
+        let shown = run(&["dict".into(), "show".into(), name.into(), "--json".into()]);
+        succeeds(&shown);
+        let shown: serde_json::Value = serde_json::from_slice(&shown.stdout).unwrap();
+        assert_eq!(shown["models"][0]["footprint"], footprint, "{name}");
+        assert!((shown["models"][0]["pitch"].as_f64().unwrap() - pitch).abs() < 1e-3, "{name}");
+        assert_eq!(shown["recipe"]["photos"].as_array().unwrap().len(), 55, "{name}");
+    }
+    let absent = run(&["dict".into(), "show".into(), "x5".into()]);
+    let error = String::from_utf8_lossy(&absent.stderr);
+    assert!(absent.status.code() == Some(1) && error.contains("x5") && error.contains("x3"), "{error}");
+}
+
+#[test]
+fn a_memory_budget_lowers_the_number_of_pairs() {
+    let folder = tempfile::tempdir().unwrap();
+    world(folder.path(), 3);
+    let recipe = folder.path().join("recipe.json");
+    let many = std::fs::read_to_string(&recipe).unwrap().replace("\"pairs\":2000", "\"pairs\":9000000,\"epochs\":1");
+    std::fs::write(&recipe, many.replacen("\"epochs\":2,", "", 1)).unwrap();
+    let news =
+        succeeds(&run(&[arguments(folder.path(), "m.lfd"), vec!["--pairs-memory".into(), "0.05".into()]].concat()));
+    assert!(news.contains("pairs instead of 9000000") && news.contains("0.05 GiB"), "{news}");
+}
