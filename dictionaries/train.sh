@@ -1,9 +1,15 @@
 #!/bin/sh
-# Trains the dictionary that is embedded in the program, from a folder of photos: dictionaries/train.sh PHOTOS
-# What is not in default.json stands at its default (see train/src/parameters.rs).
+# Trains the dictionaries that are inside the program, from a folder of photos: dictionaries/train.sh PHOTOS [NAME…]
+# NAME is default (the default), small, x2 or x3. What is not in NAME.json stands at its default (see
+# train/src/parameters.rs). Pictures of the run go with its log, the dictionary stays here.
 set -eu
-[ $# -eq 1 ] || { echo "usage: $0 PHOTOS" >&2; exit 2; }
+[ $# -ge 1 ] || { echo "usage: $0 PHOTOS [NAME...]" >&2; exit 2; }
 here=$(cd "$(dirname "$0")" && pwd)
+photos=$(cd "$1" && pwd)
+shift
 cd "$here/.."
-cargo run --release --bin lenslet -- train-dict "$1" --parameters "$here/default.json" --out "$here/default.lfd" --force
-sha256sum "$here/default.lfd"
+for name in "${@:-default}"; do
+  cargo run --release --bin lenslet -- train-dict "$photos" --parameters "$here/$name.json" --out "$here/$name.lfd" --force
+  rm -f "$here/$name.lfd.log.jsonl" "$here/$name.lfd.plot.svg" "$here/$name.lfd.atoms.png"
+  sha256sum "$here/$name.lfd"
+done

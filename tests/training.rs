@@ -195,6 +195,48 @@ fn shipped_dictionaries_are_found_by_name() {
     assert!(absent.status.code() == Some(1) && error.contains("x5") && error.contains("x3"), "{error}");
 }
 
+/// Views of another tool: the scale chooses the dictionary, and the result is nearer to the truth than bicubic enlargement.
+#[test]
+fn views_of_other_tools_are_enlarged_by_their_own_dictionaries() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let value = |y: f64, x: f64| {
+        let inside = |cx: f64, cy: f64, r: f64| ((r - (x - cx).hypot(y - cy)) * 4.0).clamp(0.0, 1.0);
+        (0.25 + 0.5 * inside(50.0, 40.0, 25.0) - 0.2 * inside(62.0, 60.0, 18.0)) as f32
+    };
+    for scale in [2usize, 3] {
+        let side = 96;
+        let fine = ndarray::Array2::from_shape_fn((side, side), |(y, x)| value(y as f64, x as f64));
+        let mean = |y: usize, x: usize| {
+            fine.slice(ndarray::s![y * scale..(y + 1) * scale, x * scale..(x + 1) * scale]).mean().unwrap()
+        };
+        let small = side / scale;
+        let field = ndarray::Array5::from_shape_fn((1, 1, small, small, 3), |(_, _, y, x, _)| mean(y, x));
+        ndarray_npy::write_npy(at("field.npy"), &field).unwrap();
+        let input = text(&at("field.npy")).to_owned();
+        let infer = |out: &str, options: &[&str]| -> (serde_json::Value, f32) {
+            let out = text(&at(out)).to_owned();
+            let mut all = vec!["infer", &input, "--out", &out, "--force", "--json"];
+            all.extend(options);
+            let done = Command::new(env!("CARGO_BIN_EXE_lenslet")).args(all).output().unwrap();
+            succeeds(&done);
+            let sharp: ndarray::Array5<f32> = ndarray_npy::read_npy(&out).unwrap();
+            let apart = (8..side - 8).flat_map(|y| (8..side - 8).map(move |x| (y, x)));
+            let error = apart.map(|(y, x)| (sharp[[0, 0, y, x, 0]] - fine[[y, x]]).powi(2)).sum::<f32>();
+            (serde_json::from_slice(&done.stdout).unwrap(), error)
+        };
+        let factor = scale.to_string();
+        let (said, error) = infer("sharp.npy", &["--scale", &factor]);
+        assert_eq!((&said["dictionary"], &said["footprint"]), (&format!("x{scale}").into(), &"grid".into()));
+        let image = ndarray::Array3::from_shape_fn((small, small, 1), |(y, x, _)| field[[0, 0, y, x, 0]]);
+        let plain = lenslet_core::sampling::bicubic::resize(image.view(), side, side).unwrap();
+        let apart = (8..side - 8).flat_map(|y| (8..side - 8).map(move |x| (y, x)));
+        let bicubic = apart.map(|(y, x)| (plain[[y, x, 0]] - fine[[y, x]]).powi(2)).sum::<f32>();
+        assert!(error < 0.8 * bicubic, "x{scale}: {error} against {bicubic}");
+        assert_eq!(infer("named.npy", &["--scale", &factor, "--dictionary", "default"]).0["dictionary"], "default");
+    }
+}
+
 #[test]
 fn a_memory_budget_lowers_the_number_of_pairs() {
     let folder = tempfile::tempdir().unwrap();

@@ -80,8 +80,9 @@ pub fn find(name: &Path) -> anyhow::Result<Dictionary> {
     Ok(dictionary::load(name)?)
 }
 
-/// The dictionary inside the program for rectangular grids enlarged by `scale`, where there is one.
-pub fn for_grid(scale: f64) -> Option<&'static Path> {
+/// The dictionary inside the program for rectangular grids enlarged by `scale` (3 when it is not said), where there is one.
+pub fn for_grid(scale: Option<f64>) -> Option<&'static Path> {
+    let scale = scale.unwrap_or(3.0);
     [(2.0, "x2"), (3.0, "x3")].into_iter().find(|(s, _)| *s == scale).map(|(_, name)| Path::new(name))
 }
 

@@ -27,9 +27,9 @@ pub struct Args {
     input: PathBuf,
     #[command(flatten)]
     written: Written,
-    /// Dictionary: a file, or a name (default: the embedded one)
-    #[arg(long, default_value = "default", value_name = "NAME|FILE")]
-    dictionary: PathBuf,
+    /// Dictionary: a file, or a name (default: the embedded one; for views of other tools x2 or x3, by --scale)
+    #[arg(long, value_name = "NAME|FILE")]
+    dictionary: Option<PathBuf>,
     /// Anchored regressors instead of LASSO codes: faster
     #[arg(long)]
     fast: bool,
@@ -75,13 +75,21 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let colour = args.input_linear.then_some(ColourSpace::Linear);
     let source = lightfield::open(&args.input, &ReadOptions { views: args.views, colour, ..ReadOptions::default() })?;
     let mut meta = source.meta().clone();
-    let found = dict::find(&args.dictionary)?;
+    let footprint = if args.footprint == "point" { Footprint::Point } else { Footprint::Lenslet };
+    // Pixels of another tool are points of a rectangular grid.
+    let plain = meta.pitch.is_none() && footprint == Footprint::Point;
+    let grid = if plain && args.dictionary.is_none() { dict::for_grid(args.scale) } else { None };
+    let (name, footprint) = match (&args.dictionary, grid) {
+        (Some(name), _) => (name.clone(), footprint),
+        (None, Some(grid)) => (grid.to_path_buf(), Footprint::Grid),
+        (None, None) => (PathBuf::from("default"), footprint),
+    };
+    let found = dict::find(&name)?;
     let mode = match (args.fast, args.best) {
         (true, _) => Mode::Fast,
         (_, true) => Mode::Best,
         _ => Mode::Learned,
     };
-    let footprint = if args.footprint == "point" { Footprint::Point } else { Footprint::Lenslet };
     let options = Options { mode, footprint, step: args.step, lambda: args.lambda, ..Options::default() };
     let reconstructor = Reconstructor::new(&found, &options)?;
     let model = reconstructor.model();
@@ -112,7 +120,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let input = args.input.file_name().map(|n| n.to_string_lossy().into_owned());
     meta.provenance.push(json!({
         "tool": "lenslet", "version": env!("CARGO_PKG_VERSION"), "command": "infer", "input": input,
-        "dictionary": args.dictionary.file_name().map(|n| n.to_string_lossy().into_owned()),
+        "dictionary": name.file_name().map(|n| n.to_string_lossy().into_owned()),
         "mode": format!("{mode:?}").to_lowercase(), "footprint": model.footprint, "scale": scale,
     }));
     // Views interpolated from their own samples keep them true; refined ones are nearer to the scene than a noisy sample.
@@ -147,6 +155,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         "out": out, "views": meta.views, "size": meta.size, "scale": scale, "seconds": seconds,
         "footprint": model.footprint, "mode": format!("{mode:?}").to_lowercase(),
         "samples": samples.is_some(),
+        "dictionary": name.display().to_string(),
     });
     Ok(Outcome { json, text })
 }
