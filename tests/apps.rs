@@ -168,7 +168,10 @@ fn a_page_keeps_its_limit_and_its_texts_are_no_markup() {
 
 /// What tests ask the page for: the picture at rest, how much two differ (mean, 0..255), how sharp one is about a point.
 const HELPERS: &str = "
-    globalThis.shot = async () => { state.focus = state.target; state.scale = 1; await painter.finish(state.set); return painter.pixels(); };
+    globalThis.shot = async () => {
+      do { state.focus = state.target; state.scale = 1; } while (await painter.finish(state.set) === false);
+      return painter.pixels();
+    };
     globalThis.unlike = (a, b) => { let n = 0; for (let i = 0; i < a.data.length; i++) n += Math.abs(a.data[i] - b.data[i]); return n / a.data.length * 4 / 3; };
     globalThis.sharp = (p, x, y) => {
       let n = 0;

@@ -44,7 +44,7 @@ fn dictionary_hash(d: &Dictionary) -> String {
         for matrix in [&pass.filters, &pass.low, &pass.high, &pass.linear] {
             matrix.iter().for_each(|v| hash.update(v.to_le_bytes()));
         }
-        for a in &pass.anchored {
+        if let Some(a) = &pass.anchored {
             a.anchors.iter().chain(&a.maps).for_each(|v| hash.update(v.to_le_bytes()));
         }
     }

@@ -126,6 +126,7 @@ mod tests {
             views: 1,
             view_step: 1.0,
             values,
+            weights: vec![1.0],
         }
     }
 
