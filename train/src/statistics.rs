@@ -164,7 +164,7 @@ mod tests {
                 continue;
             }
             let pull = plain.t().dot(&a.row(j));
-            let u = (&b.row(j) - &pull) / a[[j, j]] + &plain.row(j);
+            let u = (&b.row(j) - pull) / a[[j, j]] + plain.row(j);
             let norm = u.dot(&u).sqrt().max(1.0);
             plain.row_mut(j).assign(&(u / norm));
         }
