@@ -323,3 +323,62 @@ fn lytros_own_renderings_are_listed_and_extracted() {
     assert!(pfm.starts_with(b"Pf\n330 330\n-1.0\n"));
     assert_eq!(pfm[pfm.len() - 330 * 4..], raw[..330 * 4], "the last row of a .pfm is the first of the map");
 }
+
+/// Files as Lytro's own software writes them, planted: what `data/lfp` shows in the large.
+#[test]
+fn processed_files_give_slices_depth_maps_and_video_blocks_as_they_are() {
+    let dir = tempfile::tempdir().unwrap();
+    let slice = |level: u8| {
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        image::GrayImage::from_pixel(16, 8, image::Luma([level]))
+            .write_to(&mut bytes, image::ImageFormat::Jpeg)
+            .unwrap();
+        bytes.into_inner()
+    };
+    let (near, far) = (slice(200), slice(50));
+    let floats = |n: usize, of: &dyn Fn(usize) -> f32| (0..n).flat_map(|k| of(k).to_le_bytes()).collect::<Vec<u8>>();
+    let lut = floats(4 * 3, &|k| k as f32 - 5.0);
+    let map = floats(2 * 6 * 5, &|k| k as f32 * 0.25);
+    let video = b"\0\0\0\x01\x67 not really a film".to_vec();
+    let picture = |lambda: f64, bytes: &[u8]| json!({"representation": "jpeg", "width": 16, "height": 8, "lambda": lambda, "imageRef": sha1_of(bytes)});
+    let stack = json!({"picture": {"accelerationArray": [
+        {"type": "com.lytro.acceleration.refocusStack", "vendorContent": {
+            "depthLut": {"width": 4, "height": 3, "representation": "raw", "imageRef": sha1_of(&lut)},
+            "imageArray": [picture(-3.5, &near), picture(4.25, &far)]}},
+        {"type": "com.lytro.acceleration.edofParallax", "vendorContent": {"blockOfImages": {
+            "representation": "h264", "blockOfImagesRef": sha1_of(&video), "metadataArray": [{"coord": {"x": 0, "y": 1}}]}}},
+    ]}});
+    let depth = json!({"picture": {"accelerationArray": [{"type": "com.lytro.acceleration.depthMap", "vendorContent":
+        {"width": 6, "height": 5, "minLambda": 0.0, "maxLambda": 15.0, "imageRef": sha1_of(&map)}}]}});
+    let extracted = |name: &str, contents: &Value, parts: &[&[u8]]| {
+        let (file, out) = (dir.path().join(name), dir.path().join(name).with_extension("parts"));
+        fs::write(&file, container(contents, parts)).unwrap();
+        assert_eq!(info(&file)["segments"].as_array().unwrap().len(), parts.len() + 1);
+        let run = lenslet(&["extract", file.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+        out
+    };
+    let out = extracted("a-stk.lfp", &stack, &[&lut, &near, &far, &video]);
+    assert_eq!(fs::read(out.join("refocus-00.jpg")).unwrap(), near);
+    assert_eq!(fs::read(out.join("refocus-01.jpg")).unwrap(), far);
+    assert_eq!(fs::read(out.join("parallax.h264")).unwrap(), video);
+    assert_eq!(fs::read(out.join("depth.raw")).unwrap(), lut);
+    let index: Value = serde_json::from_slice(&fs::read(out.join("index.json")).unwrap()).unwrap();
+    let of = |name: &str| index["files"].as_array().unwrap().iter().find(|f| f["file"] == name).unwrap().clone();
+    assert_eq!(
+        (&of("refocus-00.jpg")["facts"]["lambda"], &of("refocus-01.jpg")["facts"]["lambda"]),
+        (&json!(-3.5), &json!(4.25))
+    );
+    assert_eq!(of("parallax.h264")["facts"]["frames"][0]["coord"]["y"], 1);
+
+    let out = extracted("a-dm.lfp", &depth, &[&map]);
+    assert_eq!(fs::read(out.join("depth.raw")).unwrap(), map);
+    // Rows of a .pfm go upwards; the second half of the map is the confidence.
+    let last = |name: &str| {
+        let pfm = fs::read(out.join(name)).unwrap();
+        pfm[pfm.len() - 6 * 4..].to_vec()
+    };
+    assert_eq!((last("depth.pfm"), last("confidence.pfm")), (map[..24].to_vec(), map[120..144].to_vec()));
+    let picture = image::open(out.join("depth.png")).unwrap().into_luma16();
+    assert_eq!((picture.dimensions(), picture.get_pixel(0, 0)[0], picture.get_pixel(5, 4)[0]), ((6, 5), 0, 65535));
+}
