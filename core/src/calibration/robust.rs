@@ -184,3 +184,23 @@ proptest! {
         prop_assert_eq!(found.lattice.grid, grid);
     }
 }
+
+#[test]
+fn dust_does_little_harm() {
+    let plant = Plant { jitter: 0.05, width: 420, height: 400, ..Plant::default() };
+    let (mut white, truth) = plant.grow();
+    let truth: Vec<[f64; 2]> = truth.into_iter().map(|t| t.1).collect();
+    // Soft spots that take up to half of the light.
+    let spots: Vec<[f64; 2]> =
+        (0..12).map(|k| [40.0 + f64::from(k * 97 % 340), 40.0 + f64::from(k * 61 % 320)]).collect();
+    let far = |x: f64, y: f64| spots.iter().map(|s| (x - s[0]).hypot(y - s[1])).fold(f64::INFINITY, f64::min);
+    for (k, v) in white.mosaic.data.iter_mut().enumerate() {
+        let taken = 0.5 * (-0.5 * (far((k % 420) as f64, (k / 420) as f64) / 5.0).powi(2)).exp();
+        *v = (BLACK + (f64::from(*v) - BLACK) * (1.0 - taken)) as u16;
+    }
+    let found = calibrate(&[white], &CENTRES, &Silent).unwrap();
+    let clear: Vec<[f64; 2]> = truth.iter().copied().filter(|c| far(c[0], c[1]) > 25.0).collect();
+    let (clear, (all, worst, wrong)) = (compare(&found, &clear, 20.0).0, compare(&found, &truth, 20.0));
+    assert!(clear < 0.03 && all < 0.06 && worst < 0.4 && wrong == 0, "{clear} {all} {worst} {wrong}");
+    assert!(lattice_distance(&found.lattice, &plant.lattice(), 420, 400) < 0.02);
+}
