@@ -4,7 +4,7 @@
 //! with channels below 0. Cutting those at 0 changes hue and luminance and leaves bright specks. Here a colour
 //! `y + d` (y its luminance, d what is left) becomes `y + k·d`, k the same for the three channels: the line through grey is
 //! the line of constant hue in linear light. With x = how far the colour is from grey as a share of the way to the
-//! border of the cube, k = f(x)/x, f(x) = x up to [`KNEE`] and from there towards 1 without ever reaching it.
+//! border of the cube, k = f(x)/x, f(x) = x up to `KNEE` and from there towards 1 without ever reaching it.
 //!
 //! Above the range there is a choice: darken and keep the colour, or keep the light and fade to white. The mean of both is taken.
 
