@@ -1,7 +1,7 @@
 //! The demosaic that knows lenslets: every view's colour at every lenslet, straight from the pixels of its own micro-image.
 //!
-//! Objective: of all linear estimates from the lenslet's own pixels that return every constant colour exactly, take the
-//! one with the least expected squared error (ordinary co-kriging), for light whose colours share one field (luminance)
+//! Objective: of all linear estimates from the lenslet's own pixels that return every constant colour and every linear change of light over the
+//! micro-image exactly, take the one with the least expected squared error (ordinary co-kriging), for light whose colours share one field (luminance)
 //! and have one each (chrominance), both with Matérn-3/2 correlation over the micro-image, and noise that grows where the
 //! micro-image darkens. Nothing is taken from a neighbouring micro-image, and nothing is interpolated twice.
 //!
@@ -32,6 +32,9 @@ const CHROMINANCE: f64 = 6.0;
 const COLOUR_SHARE: f64 = 0.5;
 /// Variance of the noise in full light against the signal's.
 const NOISE: f64 = 0.006;
+/// Variance (pixels², an axis) of where the light that a pixel collects crosses the micro-image: the pixel's own area, and
+/// optical blur of 0.6 pixels.
+const SPREAD: f64 = 1.0 / 12.0 + 0.36;
 /// Pixels that touch a neighbouring micro-image hold its light: this margin (pixels) is left out.
 const MARGIN: f64 = 0.3;
 
@@ -170,6 +173,24 @@ fn light(calibration: &Calibration) -> Vec<f64> {
     light.iter().map(|l| (l / full).clamp(0.02, 1.0)).collect()
 }
 
+/// Where the light of the pixel at `d` from its lenslet's centre comes from on the whole: more of it from the brighter side,
+/// so nearer to the middle by the spread times the slope of the logarithm of the white image.
+fn seen(d: [f64; 2], light: &[f64]) -> [f64; 2] {
+    let r = d[0].hypot(d[1]);
+    let at = |r: f64| {
+        let bin = (4.0 * r - 0.5).clamp(0.0, (light.len() - 1) as f64);
+        let (k, f) = (bin as usize, bin.fract());
+        light[k] + f * (light[(k + 1).min(light.len() - 1)] - light[k])
+    };
+    if r < 1e-6 {
+        return d;
+    }
+    let slope = (at(r + 0.5) / at((r - 0.5).max(0.0))).ln() / (r + 0.5 - (r - 0.5).max(0.0));
+    let moved = (SPREAD * slope).clamp(-0.3, 0.3);
+    let factor = (1.0 + moved / r).max(0.0);
+    [d[0] * factor, d[1] * factor]
+}
+
 /// Matérn correlation, ν = 3/2.
 fn matern(r: f64, length: f64) -> f64 {
     let a = 3f64.sqrt() * r / length;
@@ -200,7 +221,7 @@ fn solve(plan: &Plan<'_>, key: u32) -> Option<Weights> {
                 let even = |p: usize, d: i32| (p as i32 + d).rem_euclid(2) as usize;
                 let colour = if mono { 0 } else { plan.cfa.colour(even(px, dx), even(py, dy)) };
                 pixels.push((dx, dy));
-                places.push((d, colour));
+                places.push((seen(d, &plan.light), colour));
             }
         }
     }
@@ -216,44 +237,48 @@ fn solve(plan: &Plan<'_>, key: u32) -> Option<Weights> {
         let ((p, a), (q, b)) = (places[i], places[j]);
         covariance([p[0] - q[0], p[1] - q[1]], a == b)
     });
-    for (i, (p, _)) in places.iter().enumerate() {
+    for (i, &(dx, dy)) in pixels.iter().enumerate() {
+        let p = [f64::from(dx) - centre[0], f64::from(dy) - centre[1]];
         let bin = ((p[0].hypot(p[1]) * 4.0) as usize).min(plan.light.len() - 1);
         k[(i, i)] += NOISE / (plan.light[bin] * plan.light[bin]);
     }
-    // Right-hand sides: the covariance with each output, then the pixels of each colour (for the constraints).
+    // Right-hand sides: the covariance with each output, then what the constraints are about: the pixels of each colour,
+    // and where all of them lie.
     let n = plan.views * plan.views;
     let outputs = n * channels;
+    let constraints = channels + 2;
     let half = (plan.views / 2) as f64;
-    let mut w = Mat::<f64>::from_fn(m, outputs + channels, |i, o| {
-        let (p, a) = places[i];
+    let place = |view: usize| {
+        let at = |k: usize| (k as f64 - half) * plan.view_step;
+        [at(view % plan.views), at(view / plan.views)]
+    };
+    let about = |i: usize, k: usize| match places[i] {
+        (d, _) if k >= channels => d[k - channels],
+        (_, colour) => f64::from(u8::from(colour == k)),
+    };
+    let mut w = Mat::<f64>::from_fn(m, outputs + constraints, |i, o| {
         if o >= outputs {
-            return f64::from(u8::from(a == o - outputs));
+            return about(i, o - outputs);
         }
-        let (view, c) = (o / channels, o % channels);
-        let u = ((view % plan.views) as f64 - half) * plan.view_step;
-        let v = ((view / plan.views) as f64 - half) * plan.view_step;
-        covariance([p[0] - u, p[1] - v], a == c)
+        let (p, a) = places[i];
+        let [u, v] = place(o / channels);
+        covariance([p[0] - u, p[1] - v], a == o % channels)
     });
     factor_and_solve(&mut k, &mut w)?;
-    // Lagrange: sums over the pixels of each colour must be 1 for the output's colour and 0 for the others.
-    let sums = |o: usize, c: usize| -> f64 { (0..m).filter(|&i| places[i].1 == c).map(|i| w[(i, o)]).sum() };
-    let s: [[f64; 3]; 3] = std::array::from_fn(|a| {
-        std::array::from_fn(|b| {
-            if a < channels && b < channels { sums(outputs + b, a) } else { f64::from(u8::from(a == b)) }
-        })
+    // Lagrange: sums over the pixels of each colour must be 1 for the output's colour and 0 for the others, and the mean
+    // place that of the view: estimates lean neither to the mean nor to the middle.
+    let sums = |o: usize, k: usize| -> f64 { (0..m).map(|i| about(i, k) * w[(i, o)]).sum() };
+    let s = Mat::<f64>::from_fn(constraints, constraints, |a, b| sums(outputs + b, a));
+    let missing = Mat::<f64>::from_fn(constraints, outputs, |k, o| {
+        let wanted =
+            if k >= channels { place(o / channels)[k - channels] } else { f64::from(u8::from(o % channels == k)) };
+        wanted - sums(o, k)
     });
-    let inverse = inverse(s)?;
+    let factor = solve_small(s, missing)?;
     let mut rows = vec![0f32; m * outputs];
     for o in 0..outputs {
-        let missing: [f64; 3] =
-            std::array::from_fn(
-                |c| {
-                    if c < channels { f64::from(u8::from(o % channels == c)) - sums(o, c) } else { 0.0 }
-                },
-            );
-        let factor: [f64; 3] = std::array::from_fn(|a| (0..3).map(|b| inverse[a][b] * missing[b]).sum());
         for i in 0..m {
-            let extra: f64 = (0..channels).map(|c| factor[c] * w[(i, outputs + c)]).sum();
+            let extra: f64 = (0..constraints).map(|k| factor[(k, o)] * w[(i, outputs + k)]).sum();
             rows[i * outputs + o] = (w[(i, o)] + extra) as f32;
         }
     }
@@ -272,15 +297,37 @@ fn factor_and_solve(k: &mut Mat<f64>, right: &mut Mat<f64>) -> Option<()> {
     Some(())
 }
 
-/// Inverse of a small matrix by cofactors.
-fn inverse(s: [[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
-    let minor = |r: usize, c: usize| {
-        let (a, b) = ((r + 1) % 3, (r + 2) % 3);
-        let (d, e) = ((c + 1) % 3, (c + 2) % 3);
-        s[a][d] * s[b][e] - s[a][e] * s[b][d]
-    };
-    let det = (0..3).map(|c| s[0][c] * minor(0, c)).sum::<f64>();
-    (det.abs() > 1e-12).then(|| std::array::from_fn(|r| std::array::from_fn(|c| minor(c, r) / det)))
+/// Solves S X = R for the few constraints: Gaussian elimination, largest pivots first. None where they contradict each other.
+fn solve_small(mut s: Mat<f64>, mut r: Mat<f64>) -> Option<Mat<f64>> {
+    let n = s.nrows();
+    for c in 0..n {
+        let pivot = (c..n).max_by(|&a, &b| s[(a, c)].abs().total_cmp(&s[(b, c)].abs()))?;
+        if s[(pivot, c)].abs() < 1e-12 {
+            return None;
+        }
+        for k in 0..n {
+            (s[(c, k)], s[(pivot, k)]) = (s[(pivot, k)], s[(c, k)]);
+        }
+        for k in 0..r.ncols() {
+            (r[(c, k)], r[(pivot, k)]) = (r[(pivot, k)], r[(c, k)]);
+        }
+        for row in (0..n).filter(|&row| row != c) {
+            let f = s[(row, c)] / s[(c, c)];
+            for k in c..n {
+                s[(row, k)] -= f * s[(c, k)];
+            }
+            for k in 0..r.ncols() {
+                r[(row, k)] -= f * r[(c, k)];
+            }
+        }
+    }
+    for c in 0..n {
+        let f = 1.0 / s[(c, c)];
+        for k in 0..r.ncols() {
+            r[(c, k)] *= f;
+        }
+    }
+    Some(r)
 }
 
 /// The eight lattice points around a lenslet.
