@@ -14,7 +14,9 @@ pub mod page;
 mod peers;
 mod picture;
 mod plot;
+mod real;
 pub mod record;
+mod render;
 mod scores;
 pub mod table;
 mod world;
@@ -91,9 +93,9 @@ pub fn run(out: &Path, settings: &Settings, force: bool, observer: &dyn Observer
     let runs = plan(settings)?;
     let mut log = record::Log::open(out, force)?;
     let mut done = Done::default();
-    let mut worlds = world::Worlds::new(settings);
+    let mut stock = chain::Stock::new(settings);
     let mut missing: Vec<&Run> = runs.iter().filter(|r| !log.has(&r.key())).collect();
-    // World by world, so that each is simulated and calibrated once.
+    // Capture by capture, so that each is simulated, calibrated and rendered once.
     missing.sort_by_key(|r| (r.subject.name(), (1000.0 * r.chain.noise) as u64, r.seed));
     done.kept = runs.len() - missing.len();
     for (k, run) in missing.iter().enumerate() {
@@ -102,7 +104,7 @@ pub fn run(out: &Path, settings: &Settings, force: bool, observer: &dyn Observer
         }
         observer.note(&format!("{}/{} {}", k + 1, missing.len(), run.title()));
         let begun = Instant::now();
-        let outcome = execute(run, settings, &mut worlds, out, observer);
+        let outcome = execute(run, settings, &mut stock, out, observer);
         if observer.cancelled() {
             bail!(Interrupted);
         }
@@ -122,13 +124,13 @@ pub struct Interrupted;
 fn execute(
     run: &Run,
     settings: &Settings,
-    worlds: &mut world::Worlds,
+    stock: &mut chain::Stock,
     out: &Path,
     observer: &dyn Observer,
 ) -> Result<record::Scored> {
     match &run.subject {
-        Subject::Scene(kind) => chain::simulated(run, *kind, settings, worlds, out, observer),
-        Subject::Capture(path) => chain::captured(run, path, settings, observer),
+        Subject::Scene(kind) => chain::simulated(run, *kind, settings, stock, out, observer),
+        Subject::Capture(path) => chain::captured(run, path, settings, stock, out, observer),
         Subject::Peer(name, path) => peers::score(name, path, settings, out, run),
     }
 }

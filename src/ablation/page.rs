@@ -4,10 +4,12 @@ use std::path::{Component, Path};
 
 use anyhow::Result;
 use lenslet_core::output;
+use ndarray::Array3;
 
 use super::check::Verdict;
-use super::table::{Row, SCORES, Table, best, of_name, words};
+use super::table::{Row, SCORES, Table, best, by_subject, of_name, words};
 use super::{picture, plot};
+use crate::report::picture::detail;
 use crate::report::plot::{Series, curves};
 use crate::report::{self, Page, Picture, Stage};
 
@@ -66,34 +68,19 @@ fn orderings(verdicts: &[Verdict]) -> report::Table {
 fn section(page: &mut Page, out: &Path, table: &Table) {
     page.heading(&table.experiment);
     page.paragraph(&table.question);
-    for name in PLOTTED {
-        if let Some(svg) = plot::dots(table, name) {
-            let caption = of_name(name).map_or(name.to_owned(), |s| format!("{}: {}", s.heading, s.meaning));
-            page.drawing(&svg, &caption);
-        }
+    let meaning = |name: &str| of_name(name).map_or(name.to_owned(), |s| format!("{}: {}", s.heading, s.meaning));
+    let mut drawings: Vec<(String, String)> =
+        PLOTTED.iter().filter_map(|name| Some((plot::dots(table, name)?, meaning(name)))).collect();
+    drawings.extend(against_time(table).map(|svg| {
+        (svg, "PSNR of the middle view over the seconds the dictionary took to train, each point a variant.".to_owned())
+    }));
+    for (which, name) in ["line_contrast", "spurious"].into_iter().enumerate() {
+        drawings.extend(line_pairs(table, which + 1).map(|svg| (svg, meaning(name))));
     }
-    if let Some(svg) = against_time(table) {
-        page.drawing(
-            &svg,
-            "PSNR of the middle view over the seconds the dictionary took to train, each point a variant.",
-        );
+    page.drawings(&drawings);
+    for (subject, part) in by_subject(table) {
+        page.table(&shown(&subject, &part));
     }
-    let mut shown =
-        report::Table { caption: "Mean ± standard deviation over seeds".into(), ..report::Table::default() };
-    shown.head = ["variant", "subject"].map(String::from).to_vec();
-    shown.head.extend(table.columns.iter().filter_map(|c| of_name(c)).map(|s| s.heading.to_owned()));
-    for (r, row) in table.rows.iter().enumerate() {
-        let mut cells = vec![row.variant.clone(), row.subject.clone()];
-        for (c, cell) in row.cells.iter().enumerate() {
-            let digits = of_name(&table.columns[c]).map_or(3, |s| s.digits);
-            cells.push(cell.as_ref().map(|c| words(c, digits)).unwrap_or_default());
-            if best(table, r, c) {
-                shown.best.push((r, c + 2));
-            }
-        }
-        shown.rows.push(cells);
-    }
-    page.table(&shown);
     for failure in &table.failures {
         page.paragraph(&format!("Not scored: {failure}"));
     }
@@ -107,6 +94,41 @@ fn section(page: &mut Page, out: &Path, table: &Table) {
         let rows: Vec<&Row> = table.rows.iter().filter(|r| r.subject == subject && !r.pictures.is_empty()).collect();
         pictures(page, out, subject, &rows);
     }
+}
+
+/// A subject's rows as a table of the page.
+fn shown(subject: &str, part: &Table) -> report::Table {
+    let mut shown = report::Table {
+        caption: format!("{subject}: mean ± standard deviation over seeds"),
+        ..report::Table::default()
+    };
+    shown.head.push("variant".to_owned());
+    shown.head.extend(part.columns.iter().filter_map(|c| of_name(c)).map(|s| s.heading.to_owned()));
+    for (r, row) in part.rows.iter().enumerate() {
+        let mut cells = vec![row.variant.clone()];
+        for (c, cell) in row.cells.iter().enumerate() {
+            let digits = of_name(&part.columns[c]).map_or(3, |s| s.digits);
+            cells.push(cell.as_ref().map(|c| words(c, digits)).unwrap_or_default());
+            if best(part, r, c) {
+                shown.best.push((r, c + 1));
+            }
+        }
+        shown.rows.push(cells);
+    }
+    shown
+}
+
+/// Contrast (1) or what is not there (2) of the chart's line pairs over their frequency, a curve a variant.
+fn line_pairs(table: &Table, which: usize) -> Option<String> {
+    let series: Vec<Series> = table
+        .rows
+        .iter()
+        .filter(|r| r.lines.len() > 1)
+        .map(|r| Series { name: r.variant.clone(), points: r.lines.iter().map(|p| [p[0], p[which]]).collect() })
+        .collect();
+    let name = if which == 1 { "contrast, share of the truth's" } else { "not there, share of the truth's contrast" };
+    // More curves than colours would not be told apart.
+    (2..=6).contains(&series.len()).then(|| curves("line pairs a lenslet", name, &series))
 }
 
 /// What training time buys: PSNR over seconds, a point a variant, on the first subject.
@@ -130,8 +152,10 @@ fn pictures(page: &mut Page, out: &Path, subject: &str, rows: &[&Row]) {
         |row: &Row, what: &str, name: &str| Some(Stage { name: name.to_owned(), picture: embedded(out, row, what)? });
     let mut stages: Vec<Stage> = rows.iter().filter_map(|r| stage(r, "crop", &r.variant)).collect();
     stages.extend(rows.first().and_then(|r| stage(r, "truth", "truth")));
-    if stages.len() > 1 {
-        page.compare(subject, &stages, [0.5, 0.5]);
+    if let [.., last] = stages.as_slice()
+        && stages.len() > 1
+    {
+        page.compare(subject, &stages, start(&last.picture));
     }
     let differences: Vec<(Picture, String)> =
         rows.iter().filter_map(|r| Some((embedded(out, r, "difference")?, r.variant.clone()))).collect();
@@ -142,6 +166,15 @@ fn pictures(page: &mut Page, out: &Path, subject: &str, rows: &[&Row]) {
         ));
         page.figures(&differences);
     }
+}
+
+/// Where the closer look begins: at the most detail.
+fn start(picture: &Picture) -> [f64; 2] {
+    let Ok(pixels) = image::load_from_memory(&picture.bytes) else { return [0.5; 2] };
+    let pixels = pixels.into_luma8();
+    let (width, height) = (pixels.width() as usize, pixels.height() as usize);
+    let view = Array3::from_shape_vec((height, width, 1), pixels.into_raw().into_iter().map(f32::from).collect());
+    view.map_or([0.5; 2], |view| detail(&view, report::LOUPE))
 }
 
 /// A picture of a row; none if it is gone or names a place outside of the folder.

@@ -1,11 +1,12 @@
 //! Light fields decoded by other tools, scored as kindly as possible: registered onto the truth by an affine map found on the
 //! middle view, gain and offset of each channel matched, the alignment reported.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
 use lenslet_core::lightfield::{self, ColourSpace, ReadOptions, ViewSource, colour};
-use lenslet_core::metrics::align;
+use lenslet_core::metrics::align::{self, Alignment};
 use ndarray::Array3;
 
 use super::record::Scored;
@@ -32,6 +33,7 @@ pub(super) fn score(name: &str, path: &Path, settings: &Settings, out: &Path, ru
     scored.scores.insert("psnr".into(), psnr(x.view().into_dyn(), y.view().into_dyn())?);
     scored.scores.insert("psnr_y".into(), psnr(lx.view().into_dyn(), ly.view().into_dyn())?);
     scored.scores.insert("ssim".into(), ssim(lx.view(), ly.view(), Window::Gaussian)?);
+    moves(&alignment, (a.dim().0, a.dim().1), (height, width), &mut scored.scores);
     if b.dim().2 == 3 {
         let mut linear = moved;
         colour::convert(&mut linear, ColourSpace::Srgb, ColourSpace::Linear);
@@ -39,11 +41,26 @@ pub(super) fn score(name: &str, path: &Path, settings: &Settings, out: &Path, ru
             out,
             &run.key(),
             &linear,
-            &b,
+            Some(&b),
             ((width / 2).saturating_sub(70), (height / 2).saturating_sub(70)),
         )?;
     }
     Ok(scored)
+}
+
+/// The alignment in three numbers; all of it is in the record's notes. Sizes are (height, width) of result and truth.
+fn moves(alignment: &Alignment, from: (usize, usize), to: (usize, usize), scores: &mut BTreeMap<String, f64>) {
+    let [a, b, c, d, e, f] = alignment.affine;
+    // The same field of view: as many result pixels a pixel of the truth.
+    let (ratio_x, ratio_y) = (from.1 as f64 / to.1 as f64, from.0 as f64 / to.0 as f64);
+    let middle = |n: usize| (n as f64 - 1.0) / 2.0;
+    let (x, y) = (middle(to.1), middle(to.0));
+    let off_x = (a * x + b * y + c - middle(from.1)) / ratio_x;
+    let off_y = (d * x + e * y + f - middle(from.0)) / ratio_y;
+    scores.insert("align_px".into(), off_x.hypot(off_y));
+    scores.insert("align_scale".into(), (ratio_x * ratio_y / (a * e - b * d).abs()).sqrt());
+    let gains: f64 = alignment.gain.iter().map(|[gain, _]| gain).sum();
+    scores.insert("align_gain".into(), gains / alignment.gain.len().max(1) as f64);
 }
 
 /// The middle view, sRGB-encoded.
@@ -52,4 +69,21 @@ fn middle(source: &dyn ViewSource) -> Result<Array3<f32>> {
     let mut view = source.read(rows / 2, columns / 2)?;
     colour::convert(&mut view, source.meta().colour, ColourSpace::Srgb);
     Ok(view)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_alignment_in_numbers() {
+        // A result of half the size, of which the truth shows the part from x = 4 on, at 1.25 times the scale.
+        let ratio = 0.5 / 1.25;
+        let affine = [ratio, 0.0, 4.0 + 49.5 - ratio * 99.5, 0.0, ratio, 29.5 - ratio * 59.5];
+        let alignment = Alignment { affine, gain: vec![[1.5, 0.0], [0.5, 0.1]] };
+        let mut scores = BTreeMap::new();
+        moves(&alignment, (60, 100), (120, 200), &mut scores);
+        assert!((scores["align_px"] - 8.0).abs() < 1e-9, "{scores:?}");
+        assert!((scores["align_scale"] - 1.25).abs() < 1e-9 && (scores["align_gain"] - 1.0).abs() < 1e-9, "{scores:?}");
+    }
 }

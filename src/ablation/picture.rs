@@ -5,12 +5,13 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
+use lenslet_core::container::RawMosaic;
 use lenslet_data_gen::simulate::{Kind, Region};
 use ndarray::{Array3, s};
 
 use super::scores::encoded;
 use crate::report::Picture;
-use crate::report::picture::difference;
+use crate::report::picture::{detail, difference};
 
 /// Side of a crop, pixels.
 const SIDE: usize = 140;
@@ -19,9 +20,9 @@ pub(super) const GAIN: f32 = 6.0;
 
 /// Where a scene is looked at closely: the upper left corner of the crop. On the chart the line pairs next to the middle.
 pub(super) fn place(kind: Kind, regions: &[Region], size: (usize, usize)) -> (usize, usize) {
-    let middle = |r: &Region| ((r.bounds[0] + r.bounds[2]) / 2.0, (r.bounds[1] + r.bounds[3]) / 2.0);
+    let middle = |r: &Region| [(r.bounds[0] + r.bounds[2]) / 2.0, (r.bounds[1] + r.bounds[3]) / 2.0];
     let distance = |r: &&Region| {
-        let (x, y) = middle(r);
+        let [x, y] = middle(r);
         (x - 0.5).hypot(y - 0.5)
     };
     let lines = regions.iter().filter(|r| r.kind == "lines" && r.frequency.is_some_and(|f| f > 0.3 && f < 0.4));
@@ -29,29 +30,50 @@ pub(super) fn place(kind: Kind, regions: &[Region], size: (usize, usize)) -> (us
         Kind::Chart => lines.min_by(|a, b| distance(a).total_cmp(&distance(b))).map(middle),
         _ => None,
     };
-    let (x, y) = at.unwrap_or((0.5, 0.5));
-    let corner =
-        |share: f64, n: usize| ((share * n as f64) as usize).saturating_sub(SIDE / 2).min(n.saturating_sub(SIDE));
-    (corner(x, size.0), corner(y, size.1))
+    corner(at.unwrap_or([0.5, 0.5]), size)
 }
 
-/// Writes the crop, its difference from the truth, and the truth; names by what they show. `image` linear, `truth` encoded.
+/// Where a real capture shows most detail, whatever is made of it: the upper left corner of the crop of a view of `size`.
+pub(super) fn of_most_detail(mosaic: &RawMosaic, size: (usize, usize)) -> (usize, usize) {
+    // Means of squares that hold some micro-images each.
+    const SQUARE: usize = 20;
+    let (width, height) = (mosaic.width / SQUARE, mosaic.height / SQUARE);
+    let means = Array3::from_shape_fn((height, width, 1), |(t, s, _)| {
+        let row = |y: usize| &mosaic.data[y * mosaic.width + s * SQUARE..][..SQUARE];
+        (t * SQUARE..(t + 1) * SQUARE).flat_map(row).map(|&x| f32::from(x)).sum::<f32>()
+    });
+    corner(detail(&means, SIDE * width / size.0.max(1)), size)
+}
+
+fn corner(at: [f64; 2], (width, height): (usize, usize)) -> (usize, usize) {
+    let one = |share: f64, n: usize| ((share * n as f64) as usize).saturating_sub(SIDE / 2).min(n.saturating_sub(SIDE));
+    (one(at[0], width), one(at[1], height))
+}
+
+/// Writes the crop and, where there is a truth, the crop's difference from it, and the truth; names by what they show. `image`
+/// linear, `truth` encoded.
 pub(super) fn save(
     out: &Path,
     key: &str,
     image: &Array3<f32>,
-    truth: &Array3<f32>,
+    truth: Option<&Array3<f32>>,
     (left, top): (usize, usize),
 ) -> Result<BTreeMap<String, String>> {
-    let (height, width, _) = truth.dim();
+    let (height, width, _) = image.dim();
     let window = s![top..(top + SIDE).min(height), left..(left + SIDE).min(width), ..];
-    let (image, truth) = (encoded(image).slice(window).to_owned(), truth.slice(window).to_owned());
-    let difference = difference(&image, &truth, GAIN);
+    let image = encoded(image).slice(window).to_owned();
     let mut names = BTreeMap::new();
-    for (what, picture) in [("crop", &image), ("difference", &difference), ("truth", &truth)] {
+    let mut write = |what: &str, picture: &Array3<f32>| -> Result<()> {
         let name = format!("pictures/{key}-{what}.png");
         fs::write(out.join(&name), Picture::png(picture, 1)?.bytes).with_context(|| format!("cannot write {name}"))?;
         names.insert(what.to_owned(), name);
+        Ok(())
+    };
+    write("crop", &image)?;
+    if let Some(truth) = truth {
+        let truth = truth.slice(window).to_owned();
+        write("difference", &difference(&image, &truth, GAIN))?;
+        write("truth", &truth)?;
     }
     Ok(names)
 }

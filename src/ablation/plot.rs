@@ -6,7 +6,6 @@ use super::table::{Table, of_name};
 use crate::report::escape;
 
 const ROW: f64 = 22.0;
-const LEFT: f64 = 160.0;
 const WIDTH: f64 = 520.0;
 const RIGHT: f64 = 20.0;
 
@@ -32,7 +31,10 @@ pub(super) fn dots(table: &Table, name: &str) -> Option<String> {
     let step = tick(high - low);
     let (from, to) =
         ((low / step).floor() * step, ((high / step).ceil() * step).max((low / step).floor() * step + step));
-    let x = |value: f64| LEFT + (value - from) / (to - from) * (WIDTH - LEFT - RIGHT);
+    // Room for the longest name, in letters large enough for a small screen.
+    let longest = variants.iter().map(|v| v.chars().count()).max().unwrap_or(0);
+    let left = (24.0 + 8.6 * longest as f64).min(0.5 * WIDTH);
+    let x = |value: f64| left + (value - from) / (to - from) * (WIDTH - left - RIGHT);
     let bottom = 8.0 + ROW * variants.len() as f64;
     let heading = of_name(name).map_or(name, |s| s.heading);
 
@@ -59,7 +61,7 @@ pub(super) fn dots(table: &Table, name: &str) -> Option<String> {
         let _ = write!(
             svg,
             "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
-            LEFT - 10.0,
+            left - 10.0,
             y + 4.0,
             escape(variant)
         );
@@ -78,7 +80,7 @@ pub(super) fn dots(table: &Table, name: &str) -> Option<String> {
             );
         }
     }
-    let mut at = LEFT;
+    let mut at = left;
     for (i, subject) in subjects.iter().enumerate() {
         let _ = write!(
             svg,
@@ -89,7 +91,7 @@ pub(super) fn dots(table: &Table, name: &str) -> Option<String> {
             bottom + 34.0,
             escape(subject)
         );
-        at += 26.0 + 7.0 * subject.chars().count() as f64;
+        at += 26.0 + 9.0 * subject.chars().count() as f64;
     }
     svg.push_str("</svg>");
     Some(svg)

@@ -1,5 +1,6 @@
 //! Tables made of records: a row a variant and subject, a column a score, each cell mean and spread over seeds.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use serde::Serialize;
@@ -23,7 +24,7 @@ pub struct Score {
 }
 
 /// All scores, in the order of columns.
-pub const SCORES: [Score; 15] = [
+pub const SCORES: [Score; 18] = [
     score("psnr", "PSNR dB", "colour, middle view, sRGB-encoded, 12 px border left out", 2, 1),
     score("psnr_y", "PSNR Y dB", "the same of luminance", 2, 1),
     score(
@@ -60,6 +61,9 @@ pub const SCORES: [Score; 15] = [
     ),
     score("hidden_psnr", "hidden dB", "a tenth of the lenslets hidden, predicted from the rest, linear light", 2, 1),
     score("centres_rms", "centres px", "RMS distance of lenslet centres from the truth, sensor pixels", 4, -1),
+    score("align_px", "moved px", "how far the alignment moves the middle of the picture, pixels of the truth", 2, 0),
+    score("align_scale", "scaled", "how much larger the alignment makes it than the same field of view would", 4, 0),
+    score("align_gain", "gain", "what the alignment multiplies values by, mean of the channels, sRGB-encoded", 3, 0),
     score("train_seconds", "training s", "seconds the dictionary took", 1, -1),
     score(
         "step_seconds",
@@ -95,6 +99,9 @@ pub struct Row {
     pub subject: String,
     /// A cell a column of the table, none where the score does not exist.
     pub cells: Vec<Option<Cell>>,
+    /// Line pairs of the chart: pairs a lenslet, contrast as a share of the truth's, what is not there; means over seeds.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub lines: Vec<[f64; 3]>,
     /// Pictures of the first seed, by what they show.
     #[serde(skip_serializing_if = "std::collections::BTreeMap::is_empty")]
     pub pictures: std::collections::BTreeMap<String, String>,
@@ -172,6 +179,7 @@ fn table(experiment: Experiment, records: &[&Record]) -> Option<Table> {
                 variant,
                 subject,
                 cells: columns.iter().map(|s| of(&records, s.name)).collect(),
+                lines: lines(&records),
                 pictures: records
                     .iter()
                     .find(|r| !r.pictures.is_empty())
@@ -181,6 +189,47 @@ fn table(experiment: Experiment, records: &[&Record]) -> Option<Table> {
             .collect(),
         failures,
     })
+}
+
+/// The scores of the line pairs, which records name `line_contrast_0.40` and `spurious_0.40`, by rising frequency.
+fn lines(records: &[&Record]) -> Vec<[f64; 3]> {
+    let mut by_name: BTreeMap<&str, [Vec<f64>; 2]> = BTreeMap::new();
+    for (name, &value) in records.iter().flat_map(|r| &r.scores) {
+        for (k, what) in ["line_contrast_", "spurious_"].iter().enumerate() {
+            if let Some(frequency) = name.strip_prefix(what) {
+                by_name.entry(frequency).or_default()[k].push(value);
+            }
+        }
+    }
+    let point = |(name, [contrast, spurious]): (&str, [Vec<f64>; 2])| {
+        Some([name.parse().ok()?, cell(&contrast)?.mean, cell(&spurious)?.mean])
+    };
+    let mut points: Vec<[f64; 3]> = by_name.into_iter().filter_map(point).collect();
+    points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    points
+}
+
+/// A table's parts, one a subject: its name, and its rows with the columns that say something about it.
+pub fn by_subject(table: &Table) -> Vec<(String, Table)> {
+    let mut subjects: Vec<&str> = Vec::new();
+    for row in &table.rows {
+        if !subjects.contains(&row.subject.as_str()) {
+            subjects.push(&row.subject);
+        }
+    }
+    let part = |subject: &str| {
+        let rows: Vec<&Row> = table.rows.iter().filter(|r| r.subject == subject).collect();
+        let kept: Vec<usize> =
+            (0..table.columns.len()).filter(|&c| rows.iter().any(|r| r.cells[c].is_some())).collect();
+        let short = |row: &&Row| Row { cells: kept.iter().map(|&c| row.cells[c]).collect(), ..(*row).clone() };
+        Table {
+            columns: kept.iter().map(|&c| table.columns[c].clone()).collect(),
+            rows: rows.iter().map(short).collect(),
+            failures: Vec::new(),
+            ..table.clone()
+        }
+    };
+    subjects.into_iter().map(|subject| (subject.to_owned(), part(subject))).collect()
 }
 
 /// The score of that name.
@@ -234,22 +283,24 @@ pub fn markdown(tables: &[Table]) -> String {
     let safe = |text: &str| text.replace('|', "\\|").replace(['\n', '\r'], " ");
     for table in tables {
         let _ = writeln!(out, "### {}\n\n{}\n", table.experiment, table.question);
-        let headings: Vec<&str> = table.columns.iter().filter_map(|c| of_name(c)).map(|s| s.heading).collect();
-        let _ = writeln!(out, "| variant | subject | {} |", headings.join(" | "));
-        let _ = writeln!(out, "|---|---|{}", "--:|".repeat(headings.len()));
-        for (r, row) in table.rows.iter().enumerate() {
-            let _ = write!(out, "| {} | {} |", safe(&row.variant), safe(&row.subject));
-            for (c, cell) in row.cells.iter().enumerate() {
-                let digits = of_name(&table.columns[c]).map_or(3, |s| s.digits);
-                let text = cell.as_ref().map(|c| words(c, digits)).unwrap_or_default();
-                let _ = if best(table, r, c) { write!(out, " **{text}** |") } else { write!(out, " {text} |") };
+        for (subject, part) in by_subject(table) {
+            let headings: Vec<&str> = part.columns.iter().filter_map(|c| of_name(c)).map(|s| s.heading).collect();
+            let _ = writeln!(out, "| {} | {} |", safe(&subject), headings.join(" | "));
+            let _ = writeln!(out, "|---|{}", "--:|".repeat(headings.len()));
+            for (r, row) in part.rows.iter().enumerate() {
+                let _ = write!(out, "| {} |", safe(&row.variant));
+                for (c, cell) in row.cells.iter().enumerate() {
+                    let digits = of_name(&part.columns[c]).map_or(3, |s| s.digits);
+                    let text = cell.as_ref().map(|c| words(c, digits)).unwrap_or_default();
+                    let _ = if best(&part, r, c) { write!(out, " **{text}** |") } else { write!(out, " {text} |") };
+                }
+                out.push('\n');
             }
             out.push('\n');
         }
         for failure in &table.failures {
-            let _ = writeln!(out, "\nNot scored: {}", safe(failure));
+            let _ = writeln!(out, "Not scored: {}\n", safe(failure));
         }
-        out.push('\n');
     }
     out
 }

@@ -18,6 +18,8 @@ pub use picture::Picture;
 pub const STYLE: &str = include_str!("style.css");
 /// What the scripts of report and viewer begin with.
 pub const COMMON_SCRIPT: &str = include_str!("common.js");
+/// Side of the crops that the script of the comparisons enlarges, pixels.
+pub const LOUPE: usize = 48;
 /// Script of the comparisons.
 const SCRIPT: &str = concat!(include_str!("common.js"), include_str!("script.js"));
 
@@ -103,25 +105,35 @@ impl Page {
         let _ = writeln!(self.body, "<pre><code>{}</code></pre>", escape(text));
     }
 
-    /// A table; too wide ones scroll by themselves.
+    /// A table; too wide ones scroll by themselves. Columns without any number stand left.
     pub fn table(&mut self, table: &Table) {
+        let number = |cell: &String| cell.trim_start_matches(['-', '+', '−']).starts_with(|c: char| c.is_ascii_digit());
+        let class = |column: usize, best: bool| {
+            let text = !table.rows.iter().filter_map(|r| r.get(column)).any(number);
+            match (text, best) {
+                (true, true) => " class=\"text best\"",
+                (true, false) => " class=\"text\"",
+                (false, true) => " class=\"best\"",
+                (false, false) => "",
+            }
+        };
         let _ = write!(
             self.body,
             "<div class=\"wide\" tabindex=\"0\" role=\"region\" aria-label=\"{0}\"><p>{0}</p><table><thead><tr>",
             escape(&table.caption)
         );
-        for cell in &table.head {
-            let _ = write!(self.body, "<th scope=\"col\">{}</th>", escape(cell));
+        for (c, cell) in table.head.iter().enumerate() {
+            let _ = write!(self.body, "<th scope=\"col\"{}>{}</th>", class(c, false), escape(cell));
         }
         self.body.push_str("</tr></thead><tbody>\n");
         for (r, row) in table.rows.iter().enumerate() {
             self.body.push_str("<tr>");
             for (c, cell) in row.iter().enumerate() {
-                let best = if table.best.contains(&(r, c)) { " class=\"best\"" } else { "" };
+                let class = class(c, table.best.contains(&(r, c)));
                 let _ = if c == 0 {
-                    write!(self.body, "<th scope=\"row\"{best}>{}</th>", escape(cell))
+                    write!(self.body, "<th scope=\"row\"{class}>{}</th>", escape(cell))
                 } else {
-                    write!(self.body, "<td{best}>{}</td>", escape(cell))
+                    write!(self.body, "<td{class}>{}</td>", escape(cell))
                 };
             }
             self.body.push_str("</tr>\n");
@@ -153,6 +165,15 @@ impl Page {
     pub fn drawing(&mut self, svg: &str, caption: &str) {
         let _ =
             writeln!(self.body, "<figure class=\"plot\">{svg}<figcaption>{}</figcaption></figure>", escape(caption));
+    }
+
+    /// Drawings beside each other where there is room, each with its caption.
+    pub fn drawings(&mut self, drawings: &[(String, String)]) {
+        self.body.push_str("<div class=\"plots\">\n");
+        for (svg, caption) in drawings {
+            self.drawing(svg, caption);
+        }
+        self.body.push_str("</div>\n");
     }
 
     /// The whole page.

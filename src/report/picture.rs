@@ -121,6 +121,36 @@ pub fn difference(result: &Array3<f32>, reference: &Array3<f32>, gain: f32) -> A
     out
 }
 
+/// Where a view (t, s, c) shows most detail: the middle, as shares of width and height, of the square of `side` pixels in which
+/// neighbours differ most, of squares half a side apart. The middle of a view too small to choose.
+pub fn detail(view: &Array3<f32>, side: usize) -> [f64; 2] {
+    let (height, width, channels) = view.dim();
+    let side = side.max(2);
+    if height < side || width < side {
+        return [0.5; 2];
+    }
+    let places = |n: usize| (0..=(n - side) / (side / 2)).map(move |k| k * (side / 2));
+    let mut most = (f32::NEG_INFINITY, [0.5; 2]);
+    for top in places(height) {
+        for left in places(width) {
+            let mut sum = 0.0;
+            for t in top + 1..top + side {
+                for s in left + 1..left + side {
+                    for c in 0..channels {
+                        let own = view[[t, s, c]];
+                        sum += (own - view[[t, s - 1, c]]).abs() + (own - view[[t - 1, s, c]]).abs();
+                    }
+                }
+            }
+            if sum > most.0 {
+                let middle = |corner: usize, n: usize| (corner as f64 + side as f64 / 2.0) / n as f64;
+                most = (sum, [middle(left, width), middle(top, height)]);
+            }
+        }
+    }
+    most.1
+}
+
 /// Every pixel repeated `times` to the right and down.
 pub fn enlarge(view: &Array3<f32>, times: usize) -> Array3<f32> {
     let (h, w, c) = view.dim();

@@ -13,8 +13,8 @@ pub struct Series {
     pub points: Vec<[f64; 2]>,
 }
 
-const WIDTH: f64 = 760.0;
-const HEIGHT: f64 = 380.0;
+const WIDTH: f64 = 640.0;
+const HEIGHT: f64 = 360.0;
 const LEFT: f64 = 64.0;
 const RIGHT: f64 = 16.0;
 const TOP: f64 = 14.0;
@@ -50,7 +50,7 @@ pub fn curves(x_name: &str, y_name: &str, series: &[Series]) -> String {
     let ((x0, x1), (y0, y1)) = (range(0), range(1));
     let px = |x: f64| LEFT + (x - x0) / (x1 - x0) * (WIDTH - LEFT - RIGHT);
     let py = |y: f64| HEIGHT - BOTTOM - (y - y0) / (y1 - y0) * (HEIGHT - TOP - BOTTOM);
-    let rows = series.iter().filter(|s| s.points.len() != 1).count().div_ceil(4) as f64;
+    let rows = series.iter().filter(|s| s.points.len() != 1).count().div_ceil(3) as f64;
     let full = HEIGHT + 22.0 * rows;
     let mut svg = open(full, &format!("{y_name} over {x_name}"));
     for t in ticks(y0, y1) {
@@ -106,7 +106,7 @@ pub fn curves(x_name: &str, y_name: &str, series: &[Series]) -> String {
             svg.push_str("</g>");
             continue;
         }
-        let (x, y) = (LEFT + (k % 4) as f64 * 170.0, HEIGHT + 22.0 * (k / 4) as f64);
+        let (x, y) = (LEFT + (k % 3) as f64 * 190.0, HEIGHT + 22.0 * (k / 3) as f64);
         let _ = write!(
             svg,
             "<path class=\"curve\" d=\"M{x:.1} {y:.1}h20\"/><text x=\"{:.1}\" y=\"{:.1}\">{}</text></g>",

@@ -1,0 +1,213 @@
+//! From samples to views (paper sections 4.1 to 4.4), each rendering made once: most experiments share most of their chains, and
+//! the learned ways stand on the others' views.
+
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+use std::time::Instant;
+
+use anyhow::{Context as _, Result, bail, ensure};
+use lenslet_core::decode::HexSamples;
+use lenslet_core::dictionary::{Base, Dictionary, Footprint};
+use lenslet_core::lightfield::{ColourSpace, colour};
+use lenslet_core::progress::Observer;
+use ndarray::{Array3, Axis};
+
+use super::matrix::Way;
+use crate::infer;
+use crate::resample::{Target, barycentric, bicubic, cubic, multiview};
+
+/// Views of linear light, and what they cost.
+pub(super) struct Rendered {
+    pub(super) images: Vec<Array3<f32>>,
+    pub(super) seconds: f64,
+}
+
+/// What the runs of one capture share. Whoever takes up another capture, or hides other lenslets of it, says so first.
+#[derive(Default)]
+pub(super) struct Kept {
+    capture: String,
+    part: String,
+    /// Name of the steps to the samples, and the last ones.
+    samples: Option<(String, HexSamples)>,
+    /// By the names of the steps to the samples and of the way to views.
+    views: HashMap<String, Rendered>,
+}
+
+impl Kept {
+    /// Forgets what is not of this capture and this part of its lenslets.
+    pub(super) fn enter(&mut self, capture: &str, part: &str) {
+        if self.capture != capture {
+            *self = Kept { capture: capture.to_owned(), ..Kept::default() };
+        }
+        if self.part != part {
+            self.views.clear();
+            self.part = part.to_owned();
+        }
+    }
+
+    /// The samples after the steps of that name, with the views kept; `decode` makes those that are not there.
+    pub(super) fn decoded(
+        &mut self,
+        steps: &str,
+        decode: impl FnOnce() -> Result<HexSamples>,
+    ) -> Result<(&HexSamples, &mut HashMap<String, Rendered>)> {
+        let samples = match self.samples.take().filter(|(name, _)| name == steps) {
+            Some(found) => found,
+            None => (steps.to_owned(), decode()?),
+        };
+        Ok((&self.samples.insert(samples).1, &mut self.views))
+    }
+}
+
+/// The way whose views the learned ones start from; any other is its own.
+fn base(way: Way, dictionary: Option<&Dictionary>) -> Result<Way> {
+    let trained_on = || {
+        let model = dictionary.and_then(|d| d.model(Footprint::Point)).context("a learned way needs a dictionary")?;
+        Ok(match model.base {
+            Base::Barycentric => Way::Barycentric,
+            Base::Cubic => Way::Cubic,
+            Base::Bicubic => Way::Bicubic,
+            Base::Multiview => Way::Multiview,
+        })
+    };
+    match way {
+        Way::LearnedMultiview => Ok(Way::Multiview),
+        Way::Learned => trained_on(),
+        _ => Ok(way),
+    }
+}
+
+/// Renders the views (row v, column u) wanted of samples after the steps of the name given, or finds them among `kept`. The
+/// seconds are those of the first time.
+pub(super) fn render(
+    (steps, samples): (&str, &HexSamples),
+    target: &Target,
+    way: Way,
+    wanted: &[(usize, usize)],
+    dictionary: Option<&Dictionary>,
+    kept: &mut HashMap<String, Rendered>,
+    observer: &dyn Observer,
+) -> Result<Rendered> {
+    let base = base(way, dictionary)?;
+    let low = match kept.entry(format!("{steps} {}", base.name())) {
+        Entry::Occupied(found) => found.into_mut(),
+        Entry::Vacant(place) => {
+            let begun = Instant::now();
+            let images = interpolated(samples, target, base, wanted, observer)?;
+            place.insert(Rendered { images, seconds: begun.elapsed().as_secs_f64() })
+        }
+    };
+    if way == base {
+        return Ok(Rendered { images: low.images.clone(), seconds: low.seconds });
+    }
+    let begun = Instant::now();
+    let images = sharpened(&low.images, dictionary.context("a learned way needs a dictionary")?, observer)?;
+    Ok(Rendered { images, seconds: low.seconds + begun.elapsed().as_secs_f64() })
+}
+
+fn interpolated(
+    samples: &HexSamples,
+    target: &Target,
+    way: Way,
+    wanted: &[(usize, usize)],
+    observer: &dyn Observer,
+) -> Result<Vec<Array3<f32>>> {
+    let values = |&(v, u): &(usize, usize)| samples.values.index_axis(Axis(0), v * samples.views + u);
+    match way {
+        Way::Bicubic => {
+            let prepared = bicubic::prepare(samples, target)?;
+            wanted.iter().map(|at| bicubic::view(&prepared, values(at))).collect()
+        }
+        Way::Barycentric => {
+            let prepared = barycentric::prepare(samples, target)?;
+            wanted.iter().map(|at| barycentric::view(&prepared, values(at))).collect()
+        }
+        Way::Cubic => {
+            let prepared = cubic::prepare(samples, target)?;
+            wanted.iter().map(|at| cubic::view(&prepared, values(at))).collect()
+        }
+        Way::Multiview => {
+            let options = multiview::Options { views: Some(wanted.to_vec()), ..multiview::Options::default() };
+            let mut images = vec![None; wanted.len()];
+            let mut sink = |v: usize, u: usize, image: &Array3<f32>| {
+                for (slot, _) in images.iter_mut().zip(wanted).filter(|(_, at)| **at == (v, u)) {
+                    *slot = Some(image.clone());
+                }
+                Ok(())
+            };
+            multiview::render(samples, target, &options, &mut sink, observer)?;
+            images.into_iter().map(|image| image.context("a view was not rendered")).collect()
+        }
+        Way::Learned | Way::LearnedMultiview => bail!("{} starts from other views", way.name()),
+    }
+}
+
+fn sharpened(low: &[Array3<f32>], dictionary: &Dictionary, observer: &dyn Observer) -> Result<Vec<Array3<f32>>> {
+    // The truth is what a lenslet sees, so a sample is the truth at a point.
+    let options = infer::Options { footprint: Footprint::Point, ..infer::Options::default() };
+    let reconstructor = infer::Reconstructor::new(dictionary, &options)?;
+    low.iter()
+        .map(|view| {
+            ensure!(!observer.cancelled(), super::Interrupted);
+            let mut view = view.clone();
+            colour::convert(&mut view, ColourSpace::Linear, ColourSpace::Srgb);
+            view.mapv_inplace(|x| x.clamp(0.0, 1.0));
+            let mut sharp = reconstructor.view(&view)?;
+            colour::convert(&mut sharp, ColourSpace::Srgb, ColourSpace::Linear);
+            Ok(sharp)
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use lenslet_core::progress::Silent;
+
+    use super::*;
+
+    #[test]
+    fn what_is_kept_is_what_would_be_rendered() {
+        let samples = |gain: f32| {
+            let centres: Vec<[f64; 2]> =
+                (0..256).map(|k| [5.0 + 10.0 * f64::from(k % 16), 5.0 + 10.0 * f64::from(k / 16)]).collect();
+            let values =
+                Array3::from_shape_fn((1, 256, 3), |(_, k, c)| gain * (0.2 + 0.002 * k as f32) + 0.01 * c as f32);
+            HexSamples {
+                sensor: (160, 160),
+                index: (0..256).map(|k| [k % 16, k / 16]).collect(),
+                centres,
+                views: 1,
+                view_step: 1.0,
+                weights: Default::default(),
+                values,
+            }
+        };
+        let target = Target { width: 40, height: 40 };
+        let mut kept = Kept::default();
+        let mut decodings = 0;
+        let mut view = |kept: &mut Kept, steps: &str, way| {
+            let gain = if steps == "a" { 1.0 } else { 0.5 };
+            let (found, views) = kept
+                .decoded(steps, || {
+                    decodings += 1;
+                    Ok(samples(gain))
+                })
+                .unwrap();
+            let rendered = render((steps, found), &target, way, &[(0, 0)], None, views, &Silent).unwrap();
+            let fresh = interpolated(&samples(gain), &target, way, &[(0, 0)], &Silent).unwrap();
+            assert_eq!(rendered.images, fresh, "{steps} {way:?}");
+        };
+        kept.enter("one", "");
+        for steps in ["a", "a", "b"] {
+            view(&mut kept, steps, Way::Barycentric);
+            view(&mut kept, steps, Way::Cubic);
+        }
+        assert_eq!(kept.views.len(), 4);
+        kept.enter("one", "other lenslets hidden");
+        assert!(kept.views.is_empty() && kept.samples.is_some());
+        view(&mut kept, "b", Way::Barycentric);
+        kept.enter("another", "");
+        assert!(kept.views.is_empty() && kept.samples.is_none());
+        assert_eq!(decodings, 2);
+    }
+}
