@@ -97,12 +97,12 @@ pub(super) fn dots(table: &Table, name: &str) -> Option<String> {
     Some(svg)
 }
 
-/// A round step that divides the range into 2 to 6 parts.
+/// A round step that divides the range into 1.5 to 4 parts.
 fn tick(range: f64) -> f64 {
     if !(range.is_finite() && range > 1e-9) {
         return 1.0;
     }
-    let raw = range / 5.0;
+    let raw = range / 4.0;
     let power = 10f64.powf(raw.log10().floor());
     let part = raw / power;
     power
@@ -136,7 +136,7 @@ mod tests {
         assert!(dots(&tables(&records[..1])[0], "psnr").is_none());
         for range in [0.0, 1e-3, 0.7, 5.0, 123.0, f64::NAN] {
             let parts = if range > 0.0 { range / tick(range) } else { 3.0 };
-            assert!((2.0..=6.0).contains(&parts), "{range} {parts}");
+            assert!((1.5..=4.0).contains(&parts), "{range} {parts}");
         }
     }
 }

@@ -16,7 +16,7 @@ pub struct Stage {
 /// The comparison as HTML. Without a script, and on paper, it is a grid of all pictures; the script makes the slider of it.
 pub fn comparison(label: &str, stages: &[Stage], start: [f64; 2]) -> String {
     let mut html = format!(
-        "<section class=\"compare\" aria-label=\"{}\" data-x=\"{:.3}\" data-y=\"{:.3}\">\n<div class=\"grid stages\">\n",
+        "<section class=\"compare\" aria-label=\"{}\" data-x=\"{:.3}\" data-y=\"{:.3}\">\n<h3>{0}</h3>\n<div class=\"grid stages\">\n",
         escape(label),
         start[0],
         start[1]
