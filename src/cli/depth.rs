@@ -28,6 +28,9 @@ pub struct Args {
     /// Disparities to look for (default: found from the light field)
     #[arg(long, value_name = "FROM:TO", allow_hyphen_values = true)]
     range: Option<String>,
+    /// Fill patches up to this share of the picture's longer side whose disparity differs from all around; 0: leave them
+    #[arg(long, default_value_t = disparity::Options::shown().specks, value_name = "0..1")]
+    specks: f32,
     /// Compare with this true disparity (.pfm or .npy of the view's size)
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
@@ -62,10 +65,13 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
             }
         }
     };
+    if !(0.0..=1.0).contains(&args.specks) {
+        return Err(Usage(format!("--specks must be 0 to 1, not {}", args.specks)).into());
+    }
     context.progress.begin("reading", 0);
     let field = load(&args.light_field, args.views)?;
     context.progress.check()?;
-    let options = disparity::Options { linear: true, range, ..disparity::Options::default() };
+    let options = disparity::Options { range, specks: args.specks, ..disparity::Options::shown() };
     let start = std::time::Instant::now();
     let found = disparity::estimate(&field.data.view(), &options, &context.progress)?;
     let seconds = start.elapsed().as_secs_f64();

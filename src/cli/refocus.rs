@@ -155,7 +155,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let shape = if args.shape == "square" { Shape::Square } else { Shape::Round };
     let [rows, columns] = field.meta.views;
     let aperture = refocus::aperture((rows, columns), args.aperture, shape);
-    let options = disparity::Options { linear: true, ..disparity::Options::default() };
+    let options = disparity::Options::shown();
     let (list, map): (Vec<f32>, Option<Array2<f32>>) = match focus {
         Focus::Disparities(list) => (list, None),
         Focus::Point(x, y) => (vec![refocus::disparity_at(&data, (x, y), &options, &context.progress)?], None),

@@ -69,7 +69,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
             views = (rows, columns);
             let longer = field.meta.size[0].max(field.meta.size[1]).max(1);
             side = side.min(longer);
-            let options = disparity::Options { linear: true, ..disparity::Options::default() };
+            let options = disparity::Options::shown();
             let found = disparity::estimate(&field.data.view(), &options, &context.progress)?;
             let front = front_of(&field.data.view(), &found.disparity)?;
             relief = Some((found.disparity, front));

@@ -79,7 +79,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         ))
         .into());
     }
-    let options = disparity::Options { linear: true, ..disparity::Options::default() };
+    let options = disparity::Options::shown();
     let found = disparity::estimate(&field.data.view(), &options, &context.progress)?;
     let front = front_of(&field.data.view(), &found.disparity)?;
     let hold = args.hold.unwrap_or_else(|| {

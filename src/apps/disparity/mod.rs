@@ -6,6 +6,7 @@
 
 mod planes;
 mod regularise;
+mod specks;
 mod sweep;
 mod tensor;
 
@@ -31,11 +32,30 @@ pub struct Options {
     pub truncation: f32,
     /// Reference view (row v, column u from 0); `None`: the middle.
     pub reference: Option<(usize, usize)>,
+    /// Patches up to this share of the picture's longer side that differ from all around are filled from there; 0 to 1, 0
+    /// leaves everything as it was found.
+    pub specks: f32,
+}
+
+impl Options {
+    /// For maps that people look at or point into, of light fields in linear light: without specks.
+    pub fn shown() -> Self {
+        Options { linear: true, specks: 1.0 / 30.0, ..Options::default() }
+    }
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Options { range: None, limit: 4.0, step: 0.3, side: 640, linear: false, truncation: 0.04, reference: None }
+        Options {
+            range: None,
+            limit: 4.0,
+            step: 0.3,
+            side: 640,
+            linear: false,
+            truncation: 0.04,
+            reference: None,
+            specks: 0.0,
+        }
     }
 }
 
@@ -116,6 +136,9 @@ pub fn estimate_planes(
             "disparity: limit, step and truncation must be positive, side at least 16".into(),
         ));
     }
+    if !(0.0..=1.0).contains(&options.specks) {
+        return Err(Error::Parameter(format!("disparity: specks must be 0 to 1, not {}", options.specks)));
+    }
     if let Some((a, b)) = options.range
         && !(a.is_finite() && b.is_finite() && a < b && a.abs().max(b.abs()) < 1e4)
     {
@@ -145,7 +168,11 @@ pub fn estimate_planes(
             (a * factor / scale, b * factor / scale)
         }
     };
-    let found = search(&grid, at, range, options, observer)?;
+    let mut found = search(&grid, at, range, options, observer)?;
+    let side = (options.specks * grid[0][0].width.max(grid[0][0].height) as f32) as usize;
+    // What moves by a pixel or more against its surroundings in the outermost view.
+    let jump = 1.0 / reach(&grid, at).max(1.0);
+    specks::fill(&mut found.disparity, &mut found.confidence, grid[0][0].width, jump, side);
     Ok(enlarge(&found, &grid[0][0], (width, height), scale))
 }
 

@@ -39,7 +39,7 @@ pub(super) fn write(
     let mut sink = |v: usize, u: usize, view: &Array3<f32>| field.put(v, u, view);
     multiview::render(samples, target, &multiview::Options::default(), &mut sink, observer)?;
     let data = field.data.view();
-    let found = disparity::estimate(&data, &disparity::Options { linear: true, ..Default::default() }, observer)?;
+    let found = disparity::estimate(&data, &disparity::Options::shown(), observer)?;
     let front = multiview::front_of(&data, &found.disparity)?;
     let content = viewer::Content {
         title: "A simulated light field to play with".to_owned(),
