@@ -303,7 +303,7 @@ fn search(
     observer.begin("disparity", list.len() as u64);
     let volume = volume(grid, at, list, 2, options, observer)?;
     let n = volume.hypotheses.len();
-    let penalties = regularise::Penalties { small: 0.003, large: 0.02, edge: 0.03 };
+    let penalties = regularise::Penalties { small: 0.009, large: 0.06, edge: 0.03 };
     let total = regularise::semi_global(&volume, reference, &penalties);
     if observer.cancelled() {
         return Err(Error::Interrupted);
