@@ -13,6 +13,7 @@ mod gen_pairs;
 mod infer;
 mod info;
 mod progress;
+mod refine;
 mod refocus;
 mod score;
 mod simulate;
@@ -63,6 +64,7 @@ enum Command {
     GenPairs(gen_pairs::Args),
     TrainDict(train_dict::Args),
     Dict(dict::Args),
+    Refine(refine::Args),
     Infer(infer::Args),
     Score(score::Args),
     Ablate(ablate::Args),
@@ -84,6 +86,7 @@ fn dispatch(command: &Command, context: &Context) -> anyhow::Result<Outcome> {
         Command::GenPairs(a) => gen_pairs::run(a, context),
         Command::TrainDict(a) => train_dict::run(a, context),
         Command::Dict(a) => dict::run(a, context),
+        Command::Refine(a) => refine::run(a, context),
         Command::Infer(a) => infer::run(a, context),
         Command::Score(a) => score::run(a, context),
         Command::Ablate(a) => ablate::run(a, context),

@@ -6,7 +6,7 @@
 
 use std::fs::File;
 use std::io::{BufWriter, Read, Seek, SeekFrom, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use flate2::Crc;
 use ndarray::Array3;
@@ -16,6 +16,14 @@ use crate::output::Pending;
 
 /// Name of the file inside a light field's directory.
 pub const SAMPLES: &str = "samples.npz";
+
+/// The samples that lie in a light field's folder, or beside a light field that is one file.
+#[must_use]
+pub fn beside(light_field: &Path) -> Option<PathBuf> {
+    let within = light_field.join(SAMPLES);
+    [within, light_field.with_extension(SAMPLES)].into_iter().find(|path| path.is_file())
+}
+
 const NAMES: [&str; 6] = ["values", "centres", "index", "offsets", "sensor", "weights"];
 /// A .npy of format 1.0 begins so.
 const MAGIC: &[u8] = b"\x93NUMPY\x01\x00";

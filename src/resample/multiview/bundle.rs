@@ -17,7 +17,9 @@ pub struct Bundle<'a> {
     pub(super) points: Vec<[f32; 2]>,
     /// (views, samples, channels)
     values: CowArray<'a, f32, Ix3>,
-    /// The same, four lanes a value (unused ones 0), all views in a row.
+    /// How far each view can be relied on, 0 to 1 (the light it gets over that of the brightest).
+    pub(super) weights: Vec<f32>,
+    /// The values again, four lanes each (unused ones 0), all views in a row.
     pub(super) lanes: Vec<[f32; 4]>,
     pub(super) target: Target,
     pub(super) kind: Kind,
@@ -64,6 +66,7 @@ impl<'a> Bundle<'a> {
             samples.views,
             points,
             samples.values.view().into(),
+            samples.weights.clone(),
             *target,
             Kind::Linear,
             pitch,
@@ -87,7 +90,17 @@ impl<'a> Bundle<'a> {
             lenslet_core::lightfield::ColourSpace::Linear => Kind::Linear,
             lenslet_core::lightfield::ColourSpace::Srgb => Kind::Encoded,
         };
-        Self::checked(rows, columns, points, values, *target, kind, fx, Base::Grid { width, height })
+        Self::checked(
+            rows,
+            columns,
+            points,
+            values,
+            vec![1.0; rows * columns],
+            *target,
+            kind,
+            fx,
+            Base::Grid { width, height },
+        )
     }
 
     #[allow(clippy::too_many_arguments)] // both constructors meet here
@@ -96,6 +109,7 @@ impl<'a> Bundle<'a> {
         columns: usize,
         points: Vec<[f32; 2]>,
         values: CowArray<'a, f32, Ix3>,
+        weights: Vec<f32>,
         target: Target,
         kind: Kind,
         pitch: f32,
@@ -112,7 +126,13 @@ impl<'a> Bundle<'a> {
         );
         let lane = |v: ArrayView1<f32>| if channels == 3 { [v[0], v[1], v[2], 0.0] } else { [v[0], 0.0, 0.0, 0.0] };
         let lanes = values.rows().into_iter().map(lane).collect();
-        Ok(Bundle { rows, columns, points, values, lanes, target, kind, pitch, base })
+        ensure!(
+            weights.len() == rows * columns && weights.iter().all(|w| (0.0..=1.0).contains(w)),
+            "{} weights (0 to 1) for {} views",
+            weights.len(),
+            rows * columns
+        );
+        Ok(Bundle { rows, columns, points, values, weights, lanes, target, kind, pitch, base })
     }
 
     /// Rows and columns of views.

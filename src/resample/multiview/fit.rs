@@ -163,6 +163,8 @@ fn others(bundle: &Bundle, surfaces: &Surfaces, at: (usize, usize), size: (usize
         let from = step(views, k);
         let (du, dv) = (from[0] - target[0], from[1] - target[1]);
         let distance = du.abs().max(dv.abs()) / TOLERANCE;
+        // Noise grows as light falls.
+        let light = bundle.weights[k] * bundle.weights[k];
         for (i, (p, d)) in bundle.points.iter().zip(&surfaces.samples[k * n..(k + 1) * n]).enumerate() {
             let (x, y) = (p[0] - d * du, p[1] - d * dv);
             // Also turns away what is not a number.
@@ -172,7 +174,7 @@ fn others(bundle: &Bundle, surfaces: &Surfaces, at: (usize, usize), size: (usize
             // How far the surface seen here would carry the sample from where it is put.
             let miss = (surfaces.near(target_view, x, y) - d) * distance;
             let agree = 1.0 / (1.0 + miss * miss);
-            let weight = agree * agree;
+            let weight = light * agree * agree;
             if weight >= 0.02 {
                 rays.push(Ray::new(x, y, size.0, weight, k * n + i));
             }

@@ -1,0 +1,116 @@
+//! `lenslet refine`
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use lenslet::apps::disparity;
+use lenslet::infer::Enlargement;
+use lenslet::resample::Target;
+use lenslet::resample::multiview::{self, Bundle, Options};
+use lenslet_core::decode::{HexSamples, npz};
+use lenslet_core::lightfield::{self, ColourSpace, LightField, ReadOptions, colour};
+use ndarray::Array3;
+use serde_json::json;
+
+use super::score::parse_views;
+use super::written::Written;
+use super::{Context, Interrupted, Outcome, Usage};
+
+/// Refine every view of a light field by what the other views saw
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Example: lenslet refine barycentric.lf --out multiview.lf
+         lenslet refine other-tool/ --out large/ --scale 3
+
+The samples that decode left beside a light field (samples.npz) are used at their exact places. Of light fields without
+them, other tools' for instance, every pixel of every view is a sample, and the views can be enlarged by --scale.")]
+pub struct Args {
+    /// The light field, in any format that convert reads
+    input: PathBuf,
+    #[command(flatten)]
+    written: Written,
+    /// Enlarge the views by this (default: 1 where there are measured samples, else 2)
+    #[arg(long, value_name = "N")]
+    scale: Option<f64>,
+    /// Do not use the measured samples (samples.npz) beside the light field
+    #[arg(long)]
+    without_samples: bool,
+    /// Views (N or ROWSxCOLUMNS) of a lenslet picture, or of pictures numbered in a row
+    #[arg(long, value_name = "N", value_parser = parse_views)]
+    views: Option<[usize; 2]>,
+    /// The input holds linear light, and does not say so itself
+    #[arg(long)]
+    input_linear: bool,
+}
+
+/// What is refined.
+enum Given {
+    Samples(HexSamples),
+    Field(LightField),
+}
+
+pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
+    if args.scale.is_some_and(|s| !(1.0..=8.0).contains(&s)) {
+        return Err(Usage("--scale must be 1 to 8".into()).into());
+    }
+    let colour = args.input_linear.then_some(ColourSpace::Linear);
+    let read = ReadOptions { views: args.views, colour, ..ReadOptions::default() };
+    let given = match npz::beside(&args.input) {
+        Some(path) if !args.without_samples => Given::Samples(npz::load(&path)?),
+        _ => Given::Field(lightfield::load(&args.input, &read)?),
+    };
+    let (mut meta, from, usual) = match &given {
+        // The pixels themselves are not read.
+        Given::Samples(_) => (lightfield::open(&args.input, &read)?.meta().clone(), ColourSpace::Linear, 1.0),
+        Given::Field(field) => (field.meta.clone(), field.meta.colour, 2.0),
+    };
+    let scale = args.scale.unwrap_or(usual);
+    let [rows, columns] = meta.views;
+    if let Given::Samples(s) = &given
+        && [s.views; 2] != meta.views
+    {
+        anyhow::bail!(
+            "{}: the samples beside it are of {1}x{1} views, not {rows}x{columns}; leave them out with --without-samples",
+            args.input.display(),
+            s.views
+        );
+    }
+    meta.size = Enlargement::Bicubic(scale).size(meta.size);
+    meta.pitch = Some(scale * meta.pitch.unwrap_or(1.0));
+    meta.colour = args.written.colour();
+    meta.method = Some("multiview".into());
+    let input = args.input.file_name().map(|n| n.to_string_lossy().into_owned());
+    meta.provenance.push(json!({
+        "tool": "lenslet", "version": env!("CARGO_PKG_VERSION"), "command": "refine", "input": input, "scale": scale,
+    }));
+    let target = Target { width: meta.size[1], height: meta.size[0] };
+    let bundle = match &given {
+        Given::Samples(samples) => Bundle::hexagonal(samples, &target)?,
+        Given::Field(field) => Bundle::rectangular(field, &target)?,
+    };
+    let mut sink = lightfield::create(&args.written.out, meta.clone(), args.written.format(), args.written.force)?;
+    let began = Instant::now();
+    let to = meta.colour;
+    let mut keep = |v: usize, u: usize, view: &Array3<f32>| {
+        let mut view = view.clone();
+        colour::convert(&mut view, from, to);
+        sink.write(v, u, &view)?;
+        Ok(())
+    };
+    let done = multiview::render_bundle(&bundle, &Options::default(), &mut keep, &context.progress);
+    if let Err(e) = done {
+        let interrupted = matches!(e.downcast_ref(), Some(disparity::Error::Interrupted));
+        return Err(if interrupted { Interrupted.into() } else { e });
+    }
+    let seconds = began.elapsed().as_secs_f64();
+    context.progress.check()?;
+    sink.finish()?;
+    let [height, width] = meta.size;
+    let out = args.written.out.display().to_string();
+    let text = format!("{out}: {rows}x{columns} views of {width}x{height} (enlarged by {scale}), {seconds:.1} s");
+    let json = json!({
+        "out": out, "views": meta.views, "size": meta.size, "scale": scale, "seconds": seconds,
+        "samples": matches!(given, Given::Samples(_)),
+    });
+    Ok(Outcome { json, text })
+}
