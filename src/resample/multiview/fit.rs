@@ -99,15 +99,24 @@ pub(super) fn view(bundle: &Bundle, surfaces: &Surfaces, at: (usize, usize)) -> 
         }
     }
     drop(rays);
-    // The view's own samples, foretold by the others.
+    // The view's own samples, foretold by the others. Where these left a pixel to the prior, which knows the own samples, they
+    // foretold nothing: a miss is only the share of the others in the image times what they are off by.
     let own = own(bundle, surfaces, at, (w, h));
-    let mut misfit = Cells::new(w, h);
+    let (mut misfit, mut light) = (Cells::new(w, h), Cells::new(w, h));
     for ray in &own {
-        let r = ray.residual(&ray.shares(), &bundle.lanes[ray.sample as usize], &image, w);
+        let b = ray.shares();
+        let r = ray.residual(&b, &bundle.lanes[ray.sample as usize], &image, w);
         let k = ray.cell as usize;
-        misfit.add(k % w, k / w, [r[0] * r[0] + r[1] * r[1] + r[2] * r[2], 1.0]);
+        let share = |s: &[f32; 4]| s[3] / (s[3] + 0.5);
+        let c = b[0] * share(&sums[k])
+            + b[1] * share(&sums[k + 1])
+            + b[2] * share(&sums[k + w])
+            + b[3] * share(&sums[k + w + 1]);
+        misfit.add(k % w, k / w, [r[0] * r[0] + r[1] * r[1] + r[2] * r[2], c * c]);
+        let f = &bundle.lanes[ray.sample as usize];
+        light.add(k % w, k / w, [f[0] + f[1] + f[2], 1.0]);
     }
-    let trust = trust(&surprise, &misfit);
+    let trust = trust(&surprise, &misfit, &light, bundle.noise(at));
     for (k, ((p, a), s)) in image.iter_mut().zip(&alone).zip(&mut sums).enumerate() {
         let believed = trust.at(k % w, k / w);
         for l in 0..3 {

@@ -11,8 +11,11 @@ const CELL: usize = 4;
 /// Cells around a cell that judge with it.
 const AROUND: usize = 1;
 
+/// Weight of the squares below which they say nothing.
+const LEAST: f32 = 0.1;
+
 /// Share of the surprise that may stay unexplained: full trust up to the first, none beyond the second.
-const UNEXPLAINED: [f32; 2] = [0.35, 0.7];
+const UNEXPLAINED: [f32; 2] = [0.25, 0.6];
 
 /// Variance of noise (three colours together) below which nothing is worth a doubt, and that noise never exceeds.
 const NOISE: [f32; 2] = [2e-5, 6e-3];
@@ -52,7 +55,7 @@ impl Cells {
                         weight += cell[1];
                     }
                 }
-                out.push(if weight > 0.0 { sum / weight } else { f32::NAN });
+                out.push(if weight > LEAST { sum / weight } else { f32::NAN });
             }
         }
         out
@@ -82,15 +85,48 @@ impl Trust {
     }
 }
 
-/// Trust from the squares by which the prior missed the other views' samples (`surprise`) and the fit the own ones (`misfit`).
-pub(super) fn trust(surprise: &Cells, misfit: &Cells) -> Trust {
-    let (before, after) = (surprise.means(), misfit.means());
-    // Most of a picture is quiet: a low quantile of what the fit leaves is noise.
-    let mut sorted: Vec<f32> = after.iter().copied().filter(|v| v.is_finite()).collect();
-    sorted.sort_unstable_by(f32::total_cmp);
-    let noise = sorted.get(sorted.len() / 4).copied().unwrap_or(0.0).clamp(NOISE[0], NOISE[1]);
-    let values = before.iter().zip(&after).map(|(&before, &after)| believed(before, after, noise)).collect();
+/// Trust from the squares by which the prior missed the other views' samples (`surprise`) and the fit the own ones (`misfit`),
+/// and the light of the own samples, with which noise grows. `most`: no more of the squares than this is noise.
+pub(super) fn trust(surprise: &Cells, misfit: &Cells, light: &Cells, most: f32) -> Trust {
+    let (before, after, light) = (surprise.means(), misfit.means(), light.means());
+    let noise = Noise::estimate(&light, &after, most.clamp(NOISE[0], NOISE[1]));
+    let values = before.iter().zip(&after).zip(&light).map(|((&b, &a), &l)| believed(b, a, noise.at(l))).collect();
     Trust { columns: surprise.columns, rows: surprise.rows, values }
+}
+
+/// Groups of cells of like light in which noise is looked for.
+const GROUPS: usize = 12;
+
+/// Variance of noise as a function of light.
+struct Noise {
+    /// (light, variance), by light.
+    knots: Vec<(f32, f32)>,
+}
+
+impl Noise {
+    /// Most of a picture is quiet: of the cells of like light, a low quantile of what the fit leaves is noise.
+    fn estimate(light: &[f32], after: &[f32], most: f32) -> Noise {
+        let both = light.iter().zip(after).map(|(&l, &a)| (l, a));
+        let mut cells: Vec<(f32, f32)> = both.filter(|(l, a)| l.is_finite() && a.is_finite()).collect();
+        cells.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        let size = cells.len().div_ceil(GROUPS).max(1);
+        let knots = cells.chunks_mut(size).map(|group| {
+            let middle = group[group.len() / 2].0;
+            group.sort_unstable_by(|a, b| a.1.total_cmp(&b.1));
+            (middle, group[group.len() / 4].1.clamp(NOISE[0], most))
+        });
+        Noise { knots: knots.collect() }
+    }
+
+    /// Variance at this light: linear between the groups, the nearest beyond.
+    fn at(&self, light: f32) -> f32 {
+        let after = self.knots.partition_point(|k| k.0 <= light);
+        match (after.checked_sub(1).and_then(|k| self.knots.get(k)), self.knots.get(after)) {
+            (Some(a), Some(b)) => a.1 + (b.1 - a.1) * (light - a.0) / (b.0 - a.0),
+            (Some(k), None) | (None, Some(k)) => k.1,
+            (None, None) => NOISE[1],
+        }
+    }
 }
 
 /// Full where the fit misses by noise alone, or explains most of the surprise beyond noise. Nothing known: nothing believed.
@@ -98,7 +134,7 @@ fn believed(before: f32, after: f32, noise: f32) -> f32 {
     if !(before.is_finite() && after.is_finite()) {
         return 0.0;
     }
-    let excess = (after - 1.5 * noise).max(0.0);
+    let excess = (after - 2.0 * noise).max(0.0);
     let share = excess / ((before - noise).max(0.0) + noise);
     let [full, none] = UNEXPLAINED;
     let f = ((none - share) / (none - full)).clamp(0.0, 1.0);
@@ -115,9 +151,23 @@ mod tests {
         assert_eq!(believed(1e-4, 1e-4, noise), 1.0, "noise alone");
         assert_eq!(believed(5e-2, 5e-3, noise), 1.0, "texture explained");
         assert_eq!(believed(5e-2, 5e-2, noise), 0.0, "texture contradicted");
-        let half = believed(5e-2, 2.7e-2, noise);
+        let half = believed(5e-2, 2.1e-2, noise);
         assert!(half > 0.1 && half < 0.9, "{half}");
         assert_eq!(believed(f32::NAN, 0.0, noise), 0.0);
+    }
+
+    #[test]
+    fn noise_follows_light() {
+        let light: Vec<f32> = (0..1000).map(|k| k as f32 / 1000.0).collect();
+        let after: Vec<f32> =
+            light.iter().enumerate().map(|(k, l)| if k % 2 == 0 { 1e-3 * l + 1e-4 } else { 0.05 }).collect();
+        let noise = Noise::estimate(&light, &after, NOISE[1]);
+        for l in [0.1, 0.5, 0.9] {
+            assert!((noise.at(l) / (1e-3 * l + 1e-4) - 1.0).abs() < 0.2, "{} at {l}", noise.at(l));
+        }
+        assert!(noise.at(-1.0) <= noise.at(0.5) && noise.at(2.0) >= noise.at(0.5));
+        assert!(Noise::estimate(&light, &after, 3e-4).at(0.9) <= 3e-4);
+        assert_eq!(Noise::estimate(&[], &[], NOISE[1]).at(0.5), NOISE[1]);
     }
 
     #[test]
@@ -130,7 +180,13 @@ mod tests {
                 misfit.add(x, y, [if x < 40 { 1e-4 } else { 0.05 }, 1.0]);
             }
         }
-        let trust = trust(&surprise, &misfit);
+        let mut light = Cells::new(w, h);
+        for y in 0..h {
+            for x in 0..w {
+                light.add(x, y, [0.5, 1.0]);
+            }
+        }
+        let trust = trust(&surprise, &misfit, &light, NOISE[1]);
         assert_eq!(trust.at(10, 20), 1.0);
         assert_eq!(trust.at(70, 20), 0.0);
         for x in 1..w {
