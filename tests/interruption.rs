@@ -173,6 +173,57 @@ fn a_folder_of_captures_goes_on_with_those_missing() {
     .torment(2);
 }
 
+/// Light fields of one file have their samples beside them: two outputs a capture.
+#[test]
+fn a_folder_of_captures_in_single_files_goes_on() {
+    let world = World::new();
+    let work =
+        ["decode", "shots", "-c", "cam.calib", "--out", "out", "--size", "60", "--views", "3", "--format", "npy"];
+    Work {
+        world: &world,
+        arguments: &work,
+        resume: None,
+        result: &hashes,
+        times: times(1),
+        together: false,
+        grows: &[],
+    }
+    .torment(5);
+    // As between the two: samples whose light field is not there yet.
+    assert!(world.run(&work).status.success());
+    let truth = hashes(&world.at("out"));
+    fs::remove_file(world.at("out/2.npy")).unwrap();
+    let again = world.run(&work);
+    assert!(again.status.success(), "{}", said(&again));
+    assert_eq!(hashes(&world.at("out")), truth);
+}
+
+#[test]
+fn what_is_replaced_stands_until_the_new_one_does() {
+    let world = World::new();
+    let work =
+        ["infer", "field.npy", "--dictionary", "small.lfd", "--scale", "3", "--fast", "--force", "--out", "out/a"];
+    let begun = Instant::now();
+    assert!(world.run(&work).status.success());
+    let usual = begun.elapsed();
+    let truth = hashes(&world.at("out"));
+    let mut rng = ChaCha8Rng::seed_from_u64(6);
+    let mut stopped = 0;
+    for _ in 0..times(3) {
+        let mut child = world.command(&work).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        // Late, where the one takes the place of the other.
+        std::thread::sleep(usual.mul_f64(rng.random_range(0.6..1.1)));
+        let _ = child.kill();
+        stopped += usize::from(!child.wait().unwrap().success());
+        let now: BTreeMap<_, _> =
+            hashes(&world.at("out")).into_iter().filter(|(name, _)| !name.contains(tiny::MARK)).collect();
+        assert_eq!(now, truth);
+    }
+    assert!(world.run(&work).status.success());
+    assert_eq!(unfinished(world.folder.path()), Vec::<std::path::PathBuf>::new());
+    println!("infer --force: {stopped} stops by SIGKILL");
+}
+
 #[test]
 fn a_light_field_is_whole_or_absent() {
     let world = World::new();

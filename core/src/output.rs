@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 
 /// Marks temporary names; what a killed run left behind is found by it.
 const MARK: &str = ".lenslet-tmp-";
+/// Ends the temporary name of an output that stepped aside for the one that replaces it.
+const ASIDE: &str = ".old";
 
 /// A file or directory being written; dropped without [`Pending::commit`], it leaves nothing behind.
 #[derive(Debug)]
@@ -52,22 +54,21 @@ fn remove(path: &Path) -> io::Result<()> {
 impl Pending {
     fn new(target: &Path, force: bool) -> Result<Self, Error> {
         let name = target.file_name().ok_or_else(|| Error::NoName(target.to_path_buf()))?;
-        if !force && fs::symlink_metadata(target).is_ok() {
-            return Err(Error::Exists(target.to_path_buf()));
-        }
         let parent = match target.parent() {
             Some(p) if !p.as_os_str().is_empty() => p,
             _ => Path::new("."),
         };
-        fs::create_dir_all(parent).map_err(io_at(parent))?;
         let mut prefix = std::ffi::OsString::from(".");
         prefix.push(name);
         prefix.push(MARK);
-        sweep(parent, &prefix);
+        sweep(parent, &prefix, target);
+        if !force && exists(target) {
+            return Err(Error::Exists(target.to_path_buf()));
+        }
+        fs::create_dir_all(parent).map_err(io_at(parent))?;
         let mut temporary = prefix;
         temporary.push(std::process::id().to_string());
         let temporary = parent.join(temporary);
-        remove(&temporary).map_err(io_at(&temporary))?;
         Ok(Pending { target: target.to_path_buf(), temporary, force, done: false })
     }
 
@@ -99,25 +100,19 @@ impl Pending {
     /// # Errors
     /// When something appeared at the target meanwhile, or the rename fails.
     pub fn commit(mut self) -> Result<(), Error> {
-        let exists = fs::symlink_metadata(&self.target).is_ok();
-        if exists && !self.force {
+        let stands = exists(&self.target);
+        if stands && !self.force {
             return Err(Error::Exists(self.target.clone()));
         }
-        let directory = |p: &Path| fs::symlink_metadata(p).is_ok_and(|m| m.is_dir());
-        // A rename replaces a file at once, but never a directory: that one steps aside first.
-        if exists && (directory(&self.target) || directory(&self.temporary)) {
-            let mut aside = self.temporary.clone().into_os_string();
-            aside.push(".old");
-            let aside = PathBuf::from(aside);
-            fs::rename(&self.target, &aside).map_err(io_at(&self.target))?;
+        // A rename replaces a file at once, but never a directory.
+        if !stands || !(is_directory(&self.target) || is_directory(&self.temporary)) {
             fs::rename(&self.temporary, &self.target).map_err(io_at(&self.target))?;
-            self.done = true;
-            remove(&aside).map_err(io_at(&aside))?;
-        } else {
-            fs::rename(&self.temporary, &self.target).map_err(io_at(&self.target))?;
-            self.done = true;
+        } else if exchange(&self.temporary, &self.target).is_err() {
+            step_aside(&self.temporary, &self.target).map_err(io_at(&self.target))?;
         }
-        Ok(())
+        self.done = true;
+        // Nothing, or what was replaced.
+        remove(&self.temporary).map_err(io_at(&self.temporary))
     }
 }
 
@@ -129,15 +124,61 @@ impl Drop for Pending {
     }
 }
 
-/// Removes what earlier runs, now dead, left for the same target.
-fn sweep(parent: &Path, prefix: &std::ffi::OsStr) {
+fn exists(path: &Path) -> bool {
+    fs::symlink_metadata(path).is_ok()
+}
+
+fn is_directory(path: &Path) -> bool {
+    fs::symlink_metadata(path).is_ok_and(|m| m.is_dir())
+}
+
+/// Lets two paths change places in one step, so that there is no moment without the one or the other.
+#[cfg(any(target_os = "linux", target_os = "macos"))]
+fn exchange(a: &Path, b: &Path) -> io::Result<()> {
+    use rustix::fs::{CWD, RenameFlags, renameat_with};
+    Ok(renameat_with(CWD, a, CWD, b, RenameFlags::EXCHANGE)?)
+}
+
+/// This system has no such step.
+#[cfg(not(any(target_os = "linux", target_os = "macos")))]
+fn exchange(_: &Path, _: &Path) -> io::Result<()> {
+    Err(io::ErrorKind::Unsupported.into())
+}
+
+/// The same in two steps, where the file system cannot do it in one. If a run is killed between them, [`sweep`] puts the
+/// old output back.
+fn step_aside(temporary: &Path, target: &Path) -> io::Result<()> {
+    let aside = aside_of(temporary);
+    fs::rename(target, &aside)?;
+    if let Err(e) = fs::rename(temporary, target) {
+        fs::rename(&aside, target)?;
+        return Err(e);
+    }
+    fs::rename(&aside, temporary)
+}
+
+fn aside_of(temporary: &Path) -> PathBuf {
+    let mut aside = temporary.to_path_buf().into_os_string();
+    aside.push(ASIDE);
+    aside.into()
+}
+
+/// Removes what earlier runs, now dead, left for the same target; an old output that had stepped aside when its run was
+/// killed gets its name back.
+fn sweep(parent: &Path, prefix: &std::ffi::OsStr, target: &Path) {
     let Ok(entries) = fs::read_dir(parent) else { return };
     for entry in entries.flatten() {
         let name = entry.file_name();
         let bytes = name.as_encoded_bytes();
         let Some(rest) = bytes.strip_prefix(prefix.as_encoded_bytes()) else { continue };
         let digits: String = rest.iter().map_while(|b| b.is_ascii_digit().then_some(*b as char)).collect();
-        if digits.parse().is_ok_and(|pid: u32| !alive(pid)) {
+        // A file with this process's own number is of another that had the number before, as in every start of a container.
+        let dead = digits.parse().is_ok_and(|pid: u32| pid == std::process::id() || !alive(pid));
+        if !dead {
+            continue;
+        }
+        let restored = rest.ends_with(ASIDE.as_bytes()) && !exists(target) && fs::rename(entry.path(), target).is_ok();
+        if !restored {
             let _ = remove(&entry.path());
         }
     }
@@ -195,7 +236,84 @@ mod tests {
     fn leftovers_of_dead_runs_are_swept() {
         let dir = tempfile::tempdir().unwrap();
         fs::write(dir.path().join(".out.lenslet-tmp-4294967294"), b"x").unwrap();
+        fs::write(dir.path().join(format!(".out.lenslet-tmp-{}", std::process::id())), b"x").unwrap();
         write_file(&dir.path().join("out"), false, b"1").unwrap();
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+
+    /// A directory with one file of these bytes.
+    fn planted(path: &Path, bytes: &[u8]) {
+        fs::create_dir(path).unwrap();
+        fs::write(path.join("x"), bytes).unwrap();
+    }
+
+    #[test]
+    fn an_output_that_stepped_aside_for_a_killed_run_comes_back() {
+        let dir = tempfile::tempdir().unwrap();
+        let target = dir.path().join("out");
+        let temporary = dir.path().join(".out.lenslet-tmp-4294967294");
+        for force in [false, true] {
+            // As between the two steps: the old output aside, the new one not yet there.
+            let _ = remove(&target);
+            planted(&temporary, b"new");
+            planted(&aside_of(&temporary), b"old");
+            match Pending::directory(&target, force) {
+                Err(Error::Exists(_)) if !force => {}
+                Ok(pending) if force => drop(pending),
+                other => panic!("{other:?}"),
+            }
+            assert_eq!(fs::read(target.join("x")).unwrap(), b"old");
+            assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+        }
+        // With both there, the new one is complete.
+        planted(&aside_of(&temporary), b"older");
+        drop(Pending::directory(&target, true).unwrap());
+        assert_eq!(fs::read(target.join("x")).unwrap(), b"old");
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn stepping_aside_replaces_or_leaves_all_as_it_was() {
+        let dir = tempfile::tempdir().unwrap();
+        let [new, old] = ["new", "old"].map(|name| dir.path().join(name));
+        planted(&new, b"new");
+        planted(&old, b"old");
+        step_aside(&new, &old).unwrap();
+        assert_eq!(fs::read(old.join("x")).unwrap(), b"new");
+        assert_eq!(fs::read(new.join("x")).unwrap(), b"old");
+        assert!(step_aside(&dir.path().join("absent"), &old).is_err());
+        assert_eq!(fs::read(old.join("x")).unwrap(), b"new");
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 2);
+    }
+
+    #[test]
+    fn a_directory_is_replaced_without_a_moment_of_absence() {
+        let dir = tempfile::tempdir().unwrap();
+        let [target, other] = ["out", "other"].map(|name| dir.path().join(name));
+        planted(&target, b"0");
+        planted(&other, b"0");
+        if let Err(e) = exchange(&target, &other) {
+            println!("skipped: this file system cannot exchange two names ({e})");
+            return;
+        }
+        let done = std::sync::atomic::AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            let watch = scope.spawn(|| {
+                let mut looks = 0u32;
+                while !done.load(std::sync::atomic::Ordering::Relaxed) {
+                    assert!(exists(&target), "absent at look {looks}");
+                    looks += 1;
+                }
+                looks
+            });
+            for n in 0..300u16 {
+                let pending = Pending::directory(&target, true).unwrap();
+                fs::write(pending.path().join("x"), n.to_le_bytes()).unwrap();
+                pending.commit().unwrap();
+            }
+            done.store(true, std::sync::atomic::Ordering::Relaxed);
+            assert!(watch.join().unwrap() > 0);
+        });
+        assert_eq!(fs::read(target.join("x")).unwrap(), 299u16.to_le_bytes());
     }
 }

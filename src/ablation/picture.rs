@@ -1,11 +1,11 @@
 //! Crops of results and of their differences from the truth, as small PNG files.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use lenslet_core::container::RawMosaic;
+use lenslet_core::output;
 use lenslet_data_gen::simulate::{Kind, Region};
 use ndarray::{Array3, s};
 
@@ -65,7 +65,7 @@ pub(super) fn save(
     let mut names = BTreeMap::new();
     let mut write = |what: &str, picture: &Array3<f32>| -> Result<()> {
         let name = format!("pictures/{key}-{what}.png");
-        fs::write(out.join(&name), Picture::png(picture, 1)?.bytes).with_context(|| format!("cannot write {name}"))?;
+        output::write_file(&out.join(&name), true, &Picture::png(picture, 1)?.bytes)?;
         names.insert(what.to_owned(), name);
         Ok(())
     };

@@ -141,7 +141,7 @@ impl Log {
                 out.display()
             );
         }
-        fs::create_dir_all(out.join("pictures")).with_context(|| format!("cannot write {}", out.display()))?;
+        fs::create_dir_all(out).with_context(|| format!("cannot write {}", out.display()))?;
         let mut keys = HashSet::new();
         let mut whole = 0;
         if exists {
@@ -155,6 +155,9 @@ impl Log {
         if exists {
             file.set_len(whole)?;
         }
+        // After the log, by which a folder is known as one to go on with.
+        let pictures = out.join("pictures");
+        fs::create_dir_all(&pictures).with_context(|| format!("cannot write {}", pictures.display()))?;
         Ok(Log { path, file, keys })
     }
 

@@ -342,7 +342,9 @@ fn keep_samples(
         return Ok(job.out.join(npz::SAMPLES).display().to_string());
     }
     let path = job.out.with_extension(npz::SAMPLES);
-    npz::save(&path, samples, args.written.force)?;
+    // Samples without their light field are what a killed run left of its output.
+    let left = std::fs::symlink_metadata(&job.out).is_err();
+    npz::save(&path, samples, args.written.force || left)?;
     Ok(path.display().to_string())
 }
 
