@@ -156,6 +156,22 @@ fn training_goes_on_from_its_checkpoint() {
         grows: &["a.lfd.checkpoint", "a.lfd.log.jsonl"],
     }
     .torment(1);
+    // As between the dictionary and the end: its checkpoint is still there, and its pictures are not.
+    let mut child = world.command(&first).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    while !world.at("out/a.lfd.checkpoint").exists() && child.try_wait().unwrap().is_none() {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let checkpoint = fs::read(world.at("out/a.lfd.checkpoint")).unwrap();
+    assert!(world.run(&more).status.success());
+    let truth = hashes(&world.at("out/a.lfd"));
+    fs::write(world.at("out/a.lfd.checkpoint"), checkpoint).unwrap();
+    fs::remove_file(world.at("out/a.lfd.plot.svg")).unwrap();
+    let again = world.run(&more);
+    assert!(again.status.success(), "{}", said(&again));
+    assert_eq!(hashes(&world.at("out/a.lfd")), truth);
+    assert!(world.at("out/a.lfd.plot.svg").exists() && !world.at("out/a.lfd.checkpoint").exists());
 }
 
 #[test]

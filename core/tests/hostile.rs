@@ -6,108 +6,23 @@
 mod common;
 
 use std::fs;
-use std::path::{Path, PathBuf};
 
-use common::torment;
-use lenslet_core::calibration::{self, Calibration, Grid, Lattice, Lenslet, Origin, Quality, Vignetting};
-use lenslet_core::container::segments::{Container, MAGIC, sha1_of};
-use lenslet_core::container::{
-    self, CameraFacts, Capture, Cfa, ColourFacts, Levels, MlaHint, RawMosaic, extract, json, members, metadata, open,
-    profile, whites, write_lfp,
+use common::files::{
+    Slot, bounded, capture, check, container_bytes, dictionary_header, line, parts, small_calibration,
+    small_dictionary, small_samples, tar,
 };
-use lenslet_core::decode::{HexSamples, npz};
-use lenslet_core::dictionary::{self, Anchored, Base, Dictionary, Footprint, Model, Pass, Recipe, Storage};
+use common::torment;
+use lenslet_core::calibration;
+use lenslet_core::container::segments::{Container, MAGIC, sha1_of};
+use lenslet_core::container::{self, extract, json, members, metadata, open, profile, whites};
+use lenslet_core::decode::npz;
+use lenslet_core::dictionary;
 use lenslet_core::lightfield::{self, ColourSpace, Format, Meta, ReadOptions};
 use lenslet_core::progress::Silent;
-use ndarray::{Array2, Array3};
+use ndarray::Array3;
 use sha2::Digest;
 
 const COUNT: usize = 20_000;
-
-fn capture() -> Capture {
-    let (width, height) = (16, 16);
-    Capture {
-        mosaic: RawMosaic { width, height, data: (0..256).map(|i| i * 13 % 4096).collect() },
-        cfa: Cfa::Bggr,
-        levels: Levels { black: [168.0; 4], white: [4095.0; 4] },
-        colour: ColourFacts { white_balance: [1.0, 1.0, 1.0, 1.5], ccm: [0.5; 9], gamma: Some(0.4) },
-        camera: CameraFacts {
-            model: Some("F01".into()),
-            serial: Some("A1".into()),
-            zoom_step: Some(1),
-            focus_step: Some(2),
-            normalized_response: Some([0.8, 1.0, 1.0, 0.7]),
-            ..CameraFacts::default()
-        },
-        mla: Some(MlaHint { pitch: 10.0, rotation: 0.001, row_stretch: 1.0004 }),
-        source_sha256: String::new(),
-        white: None,
-        warnings: Vec::new(),
-    }
-}
-
-/// What every capture must keep, however odd its file.
-fn check(c: &Capture) {
-    assert_eq!(c.mosaic.data.len(), c.mosaic.width * c.mosaic.height);
-    assert!(c.mosaic.width > 0 && c.mosaic.height > 0);
-    assert!(c.levels.black.iter().zip(&c.levels.white).all(|(b, w)| b.is_finite() && b < w));
-    assert!(c.colour.white_balance.iter().all(|g| g.is_finite() && *g > 0.0));
-    assert!(c.colour.ccm.iter().all(|v| v.is_finite()));
-    assert!(
-        c.mla
-            .as_ref()
-            .is_none_or(|m| m.pitch >= 2.0 && m.pitch <= 500.0 && m.rotation.is_finite() && m.row_stretch.is_finite())
-    );
-    c.white.iter().for_each(|w| check(w));
-}
-
-/// Any error must be one line that names something.
-fn line(e: impl std::fmt::Display) {
-    let text = e.to_string();
-    assert!(!text.is_empty() && text.len() < 5000, "{text}");
-}
-
-/// A file that is written anew for each reading.
-struct Slot {
-    dir: tempfile::TempDir,
-    path: PathBuf,
-}
-
-impl Slot {
-    fn new(name: &str) -> Slot {
-        let base = Path::new("/dev/shm");
-        let dir = if base.is_dir() { tempfile::tempdir_in(base) } else { tempfile::tempdir() }.unwrap();
-        Slot { path: dir.path().join(name), dir }
-    }
-
-    fn put(&self, bytes: &[u8]) -> &Path {
-        fs::write(&self.path, bytes).unwrap();
-        &self.path
-    }
-}
-
-/// The most memory this process had so far, MiB; 0 where the system does not tell.
-fn peak() -> usize {
-    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find(|l| l.starts_with("VmHWM:")).unwrap_or_default();
-    line.split_whitespace().nth(1).and_then(|n| n.parse::<usize>().ok()).unwrap_or(0) / 1024
-}
-
-/// The bound this file's readers keep together (tests run side by side).
-fn bounded() {
-    println!("peak memory so far: {} MiB", peak());
-    assert!(peak() < 600, "{} MiB", peak());
-}
-
-fn container_bytes(white: bool) -> Vec<u8> {
-    let slot = Slot::new("a.lfp");
-    let mut c = capture();
-    if white {
-        c.white = Some(Box::new(capture()));
-    }
-    write_lfp(&slot.path, &c, false).unwrap();
-    fs::read(&slot.path).unwrap()
-}
 
 #[test]
 fn containers() {
@@ -145,28 +60,6 @@ fn extraction() {
     left.sort();
     assert_eq!(left, ["a.lfp"]);
     bounded();
-}
-
-fn tar(files: &[(&str, &[u8])]) -> Vec<u8> {
-    let mut tar = Vec::new();
-    for (name, bytes) in files {
-        let mut head = [0u8; 512];
-        head[..name.len()].copy_from_slice(name.as_bytes());
-        head[124..135].copy_from_slice(format!("{:011o}", bytes.len()).as_bytes());
-        head[156] = b'0';
-        head[257..262].copy_from_slice(b"ustar");
-        tar.extend(head);
-        tar.extend(*bytes);
-        tar.resize(tar.len().next_multiple_of(512), 0);
-    }
-    tar.extend([0; 512]);
-    tar
-}
-
-/// Metadata, image and private metadata of the written container.
-fn parts() -> [Vec<u8>; 3] {
-    let c = Container::from_bytes(Path::new("a"), container_bytes(false)).unwrap();
-    [1, 2, 3].map(|k| c.payload(&c.segments[k]).unwrap())
 }
 
 #[test]
@@ -318,21 +211,6 @@ fn pictures_that_claim_to_be_huge() {
     bounded();
 }
 
-fn small_calibration() -> Calibration {
-    let lenslets =
-        (0..20).map(|k| Lenslet { i: k % 5, j: k / 5, x: f64::from(k) * 3.0, y: f64::from(k), trust: 0.5 }).collect();
-    Calibration {
-        width: 64,
-        height: 48,
-        lattice: Lattice { grid: Grid::HexRows, origin: [31.5, 23.5], a: [10.0, 0.03], b: [5.0, 8.66] },
-        lenslets,
-        quality: Quality { residual_rms: 0.01, rejected: 0.0, confidence: 0.9, ..Quality::default() },
-        vignetting: Some(Vignetting { width: 64, height: 48, white: (0..64 * 48).map(|i| i as u16 * 10).collect() }),
-        hot_pixels: Vec::new(),
-        origin: Origin { method: "white".into(), ..Origin::default() },
-    }
-}
-
 #[test]
 fn calibrations() {
     let slot = Slot::new("a.calib");
@@ -387,15 +265,7 @@ fn light_fields() {
 #[test]
 fn samples() {
     let slot = Slot::new("samples.npz");
-    let whole = HexSamples {
-        sensor: (64, 48),
-        centres: (0..12).map(|k| [f64::from(k), f64::from(k) * 2.0]).collect(),
-        index: (0..12).map(|k| [k, 0]).collect(),
-        views: 3,
-        view_step: 1.0,
-        weights: vec![1.0; 9],
-        values: Array3::from_shape_fn((9, 12, 3), |(v, l, c)| (v + l + c) as f32),
-    };
+    let whole = small_samples(12);
     npz::save(&slot.path, &whole, false).unwrap();
     let bytes = fs::read(&slot.path).unwrap();
     torment(&bytes, 40, COUNT, |bytes| match npz::load(slot.put(bytes)) {
@@ -407,25 +277,6 @@ fn samples() {
         Err(e) => line(e),
     });
     bounded();
-}
-
-fn small_dictionary() -> Dictionary {
-    let unit = |k: usize| Array2::from_shape_fn((k, 4), |(r, c)| if c == r % 4 { 1.0 } else { 0.0 });
-    let pass = Pass {
-        support: 5,
-        patch: 3,
-        filters: Array2::from_shape_fn((4, 25), |(r, c)| (r + c) as f32 * 0.01),
-        floor: 0.1,
-        lambda: 0.05,
-        low: unit(6),
-        high: Array2::from_elem((6, 9), 0.25),
-        linear: Array2::from_elem((4, 9), 0.125),
-        with_linear: true,
-        anchored: Some(Anchored { anchors: unit(3), maps: Array3::from_elem((3, 4, 9), 0.5) }),
-    };
-    let recipe = Recipe { tool: "test".into(), algorithm: "ksvd".into(), ..Recipe::default() };
-    let model = Model { footprint: Footprint::Lenslet, base: Base::Barycentric, pitch: 3.29, passes: vec![pass] };
-    Dictionary { recipe, storage: Storage::I8, models: vec![model] }
 }
 
 #[test]
@@ -450,11 +301,6 @@ fn dictionaries() {
     let (head, payload) = old.split_at((24 + dictionary_header(old)).next_multiple_of(64));
     torment(head, 52, COUNT, |head| read(&[head, payload].concat()));
     bounded();
-}
-
-/// Length of a dictionary file's header.
-fn dictionary_header(bytes: &[u8]) -> usize {
-    u64::from_le_bytes(bytes[16..24].try_into().unwrap()) as usize
 }
 
 #[test]

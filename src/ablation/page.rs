@@ -215,9 +215,18 @@ mod tests {
             }
         }
         records[0].pictures.insert("difference".into(), "../../etc/passwd".into());
-        write(dir.path(), &tables(&records), &check::verdicts(&records), &["lenslet ablate & co".into()]).unwrap();
+        // A capture's name is its subject, and a failure names files.
+        let planted = "\"><img src=x onerror=alert(2)></style>'";
+        let mut unscored = record("resampling", "cubic", 1, None);
+        unscored.subject = planted.into();
+        unscored.failed = Some(format!("{planted}.lfp is no capture"));
+        records.push(unscored);
+        let about = ["lenslet ablate & co".into(), planted.into()];
+        write(dir.path(), &tables(&records), &check::verdicts(&records), &about).unwrap();
         let page = std::fs::read_to_string(dir.path().join("report.html")).unwrap();
         assert!(page.contains("&amp; co") && page.contains("&lt;script&gt;alert") && !page.contains("<script>alert"));
+        assert!(page.contains("&lt;img src=x") && !page.contains("<img src=x"));
+        assert_eq!([page.matches("<script").count(), page.matches("</style>").count()], [1, 1]);
         // Three crops, one truth, two differences.
         assert_eq!(page.matches("src=\"data:image/png").count(), 6);
         assert!(page.contains("2.00") && page.contains("holds"), "no margin");

@@ -175,10 +175,6 @@ fn parameters(args: &Args) -> anyhow::Result<Parameters> {
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let parameters = parameters(args)?;
-    // Known at once rather than after minutes of training.
-    if args.out.exists() && !args.force {
-        return Err(output::Error::Exists(args.out.clone()).into());
-    }
     let beside = |ending: &str| {
         let mut name = args.out.clone().into_os_string();
         name.push(ending);
@@ -187,6 +183,12 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let (checkpoint, log) = (beside(".checkpoint"), beside(".log.jsonl"));
     if args.resume && !checkpoint.exists() {
         anyhow::bail!("{} does not exist: nothing to resume; start without --resume", checkpoint.display());
+    }
+    // Known at once rather than after minutes of training. A dictionary with a checkpoint is of a run that was stopped between
+    // the one and its end.
+    let replace = args.force || args.resume;
+    if args.out.exists() && !replace {
+        return Err(output::Error::Exists(args.out.clone()).into());
     }
     // Opened with the first epoch: training that cannot begin leaves nothing behind.
     let mut file = None;
@@ -222,9 +224,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         Err(lenslet_train::Error::Interrupted) => return Err(Interrupted.into()),
         other => other?,
     };
-    dictionary::save(&args.out, &outcome.dictionary, args.force)?;
-    // Its work is done; a leftover would only be in the way.
-    let _ = std::fs::remove_file(&checkpoint);
+    dictionary::save(&args.out, &outcome.dictionary, replace)?;
     // The dictionary stands; pictures of it that cannot be written are worth a word, not a failure.
     let (plot, mosaic) = (beside(".plot.svg"), beside(".atoms.png"));
     let pictures = output::write_file(&plot, true, train_report::convergence(&outcome.trace).as_bytes())
@@ -233,6 +233,8 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if let Err(e) = pictures {
         context.progress.note(&format!("no pictures of the run: {e:#}"));
     }
+    // Its work is done; a leftover would only be in the way.
+    let _ = std::fs::remove_file(&checkpoint);
     // Told only now: a log that cannot be written costs nobody the dictionary.
     if let Some(e) = lost {
         return Err(anyhow::Error::new(e).context(format!("cannot write {}", log.display())));

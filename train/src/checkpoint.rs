@@ -1,16 +1,21 @@
-//! Checkpoints: everything a run needs to go on as if it had never stopped, in one .npz file beside the output.
+//! Checkpoints: everything a run needs to go on as if it had never stopped, in one file beside the output: a .npz and, after it,
+//! the SHA-256 of its bytes. What the arrays declare is believed only where that fits.
 
-use std::fs::File;
+use std::io::Cursor;
 use std::path::Path;
 
 use lenslet_core::dictionary::{self, Dictionary};
-use lenslet_core::output::Pending;
+use lenslet_core::output;
 use ndarray::{Array1, Array2};
 use ndarray_npy::{NpzReader, NpzWriter};
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 
 use super::run::Epoch;
 use super::{Error, Parameters, online, refine};
+
+/// Bytes of the checksum at the end.
+const SEAL: usize = 32;
 
 /// Where a run is within one pass.
 #[derive(Debug, Clone)]
@@ -66,9 +71,7 @@ fn wrong(path: &Path, reason: impl ToString) -> Error {
 /// # Errors
 /// When it cannot be written.
 pub fn save(path: &Path, checkpoint: &Checkpoint) -> Result<(), Error> {
-    let pending = Pending::file(path, true)?;
-    let file = File::create(pending.path()).map_err(|e| wrong(path, e))?;
-    let mut npz = NpzWriter::new(file);
+    let mut npz = NpzWriter::new(Cursor::new(Vec::new()));
     let (stage, epochs, count) = match &checkpoint.stage {
         None => ("none", 0, 0),
         Some(Stage::Learn(n, s)) => ("learn", *n, s.batches),
@@ -103,9 +106,10 @@ pub fn save(path: &Path, checkpoint: &Checkpoint) -> Result<(), Error> {
             }
         }
     }
-    let mut file = npz.finish().map_err(put)?;
-    std::io::Write::flush(&mut file).map_err(|e| wrong(path, e))?;
-    Ok(pending.commit()?)
+    let mut bytes = npz.finish().map_err(put)?.into_inner();
+    let seal = Sha256::digest(&bytes);
+    bytes.extend_from_slice(&seal);
+    Ok(output::write_file(path, true, &bytes)?)
 }
 
 /// Reads a checkpoint and checks that it belongs to `key`.
@@ -113,8 +117,12 @@ pub fn save(path: &Path, checkpoint: &Checkpoint) -> Result<(), Error> {
 /// # Errors
 /// When it is damaged, or was made with other parameters or photos.
 pub fn load(path: &Path, key: &Key) -> Result<Checkpoint, Error> {
-    let file = File::open(path).map_err(|e| wrong(path, e))?;
-    let mut npz = NpzReader::new(file).map_err(|e| wrong(path, e))?;
+    let bytes = std::fs::read(path).map_err(|e| wrong(path, e))?;
+    let whole = bytes.split_last_chunk::<SEAL>().filter(|(body, seal)| Sha256::digest(body)[..] == seal[..]);
+    let Some((body, _)) = whole else {
+        return Err(wrong(path, "it is damaged, or of an earlier version; start again without --resume"));
+    };
+    let mut npz = NpzReader::new(Cursor::new(body)).map_err(|e| wrong(path, e))?;
     let get = |e: ndarray_npy::ReadNpzError| wrong(path, format!("{e}; start again without --resume"));
     let head: Array1<u8> = npz.by_name("head").map_err(get)?;
     let head: Head = serde_json::from_slice(&head.to_vec()).map_err(|e| wrong(path, e))?;
@@ -155,4 +163,35 @@ pub fn load(path: &Path, key: &Key) -> Result<Checkpoint, Error> {
         _ => None,
     };
     Ok(Checkpoint { key: head.key, done, at: head.at, stage, trace: head.trace })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_cut_off_or_changed_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.checkpoint");
+        let key = Key { version: 1, parameters: Parameters::default(), photos: Vec::new() };
+        let atoms = Array2::from_shape_fn((5, 7), |(r, c)| (r * 7 + c) as f32);
+        let state = online::State { atoms: atoms.clone(), a: Array2::eye(5), b: Array2::zeros((5, 7)), batches: 3 };
+        let whole =
+            Checkpoint { key: key.clone(), done: None, at: (0, 0), stage: Some(Stage::Learn(2, state)), trace: vec![] };
+        save(&path, &whole).unwrap();
+        let Some(Stage::Learn(2, read)) = load(&path, &key).unwrap().stage else { panic!("another stage") };
+        assert_eq!((read.atoms, read.batches), (atoms, 3));
+        let bytes = std::fs::read(&path).unwrap();
+        let refused = |bytes: &[u8]| {
+            std::fs::write(&path, bytes).unwrap();
+            let error = load(&path, &key).unwrap_err().to_string();
+            assert!(error.contains("a.checkpoint") && error.contains("--resume"), "{error}");
+        };
+        for n in 0..bytes.len() {
+            refused(&bytes[..n]);
+            let mut changed = bytes.clone();
+            changed[n] ^= 1 << (n % 8);
+            refused(&changed);
+        }
+    }
 }

@@ -12,7 +12,7 @@ use crate::output::Pending;
 /// Name of the description.
 pub(super) const DESCRIPTION: &str = "lightfield.json";
 /// Largest description that is read, bytes.
-const MAX_DESCRIPTION: u64 = 16 << 20;
+const MAX_DESCRIPTION: u64 = 4 << 20;
 
 fn view_name(v: usize, u: usize) -> String {
     format!("view_{v:02}_{u:02}.png")

@@ -1,5 +1,9 @@
 //! Seeded damage for files: the same seed gives the same damage on every machine.
 
+#![allow(dead_code)] // every test file uses a part
+
+pub mod files;
+
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
