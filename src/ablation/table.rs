@@ -154,7 +154,8 @@ fn table(experiment: Experiment, records: &[&Record]) -> Option<Table> {
         return None;
     }
     let value = |record: &Record, name: &str| match name {
-        "step_seconds" => record.failed.is_none().then_some(record.step_seconds),
+        // Peers' files were rendered elsewhere.
+        "step_seconds" => (record.failed.is_none() && record.step_seconds > 0.0).then_some(record.step_seconds),
         _ => record.scores.get(name).copied(),
     };
     let of = |row: &[&Record], name: &str| -> Option<Cell> {
