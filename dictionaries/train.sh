@@ -1,6 +1,6 @@
 #!/bin/sh
 # Trains the dictionaries that are inside the program, from a folder of photos: dictionaries/train.sh PHOTOS [NAME…]
-# NAME is default (the default), small, x2 or x3. What is not in NAME.json stands at its default (see
+# NAME is default (the default), multiview, small, x2 or x3. What is not in NAME.json stands at its default (see
 # train/src/parameters.rs). Pictures of the run go with its log, the dictionary stays here.
 set -eu
 [ $# -ge 1 ] || { echo "usage: $0 PHOTOS [NAME...]" >&2; exit 2; }

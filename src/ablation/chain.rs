@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::{Context as _, Result};
 use lenslet_core::calibration::Variant;
 use lenslet_core::decode;
-use lenslet_core::dictionary::Dictionary;
+use lenslet_core::dictionary::{Base, Dictionary};
 use lenslet_core::progress::Observer;
 use lenslet_data_gen::simulate::Kind;
 use ndarray::Array3;
@@ -106,7 +106,7 @@ pub(super) fn captured(
     let target = Target::longer((capture.mosaic.width, capture.mosaic.height), SIDE);
     let middle = chain.views / 2;
     let wanted = [(middle, middle)];
-    let dictionary = needs_dictionary(chain.way).then(embedded).transpose()?;
+    let dictionary = embedded(chain.way)?;
     let steps = to_samples(chain)?;
     kept.enter(&path.to_string_lossy(), &run.seed.to_string());
     let (samples, views) =
@@ -137,12 +137,14 @@ fn options(chain: &Chain) -> Result<decode::Options> {
     Ok(decode::Options { views: chain.views, steps: chain.steps()?, ..decode::Options::default() })
 }
 
-fn needs_dictionary(way: Way) -> bool {
-    matches!(way, Way::Learned | Way::LearnedMultiview)
-}
-
-fn embedded() -> Result<Dictionary> {
-    infer::embedded().context("the embedded dictionary")
+/// The embedded dictionary for a way that needs one.
+fn embedded(way: Way) -> Result<Option<Dictionary>> {
+    let base = match way {
+        Way::Learned => Base::Barycentric,
+        Way::LearnedMultiview => Base::Multiview,
+        _ => return Ok(None),
+    };
+    infer::embedded_for(base).map(Some).context("the embedded dictionary")
 }
 
 /// The dictionary of the run: trained for it, or the embedded one where its way needs one.
@@ -155,7 +157,7 @@ fn dictionary(
     observer: &dyn Observer,
 ) -> Result<Option<Dictionary>> {
     let Some(training) = &chain.training else {
-        return needs_dictionary(chain.way).then(embedded).transpose();
+        return embedded(chain.way);
     };
     let trained = dictionaries::trained(training, seed, settings, worlds.trained(), observer)?;
     scored.scores.insert("train_seconds".into(), trained.seconds);

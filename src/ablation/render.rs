@@ -101,7 +101,8 @@ pub(super) fn render(
         return Ok(Rendered { images: low.images.clone(), seconds: low.seconds });
     }
     let begun = Instant::now();
-    let images = sharpened(&low.images, dictionary.context("a learned way needs a dictionary")?, observer)?;
+    let dictionary = dictionary.context("a learned way needs a dictionary")?;
+    let images = sharpened(samples, target, (base, &low.images), wanted, dictionary, observer)?;
     Ok(Rendered { images, seconds: low.seconds + begun.elapsed().as_secs_f64() })
 }
 
@@ -142,17 +143,28 @@ fn interpolated(
     }
 }
 
-fn sharpened(low: &[Array3<f32>], dictionary: &Dictionary, observer: &dyn Observer) -> Result<Vec<Array3<f32>>> {
+/// Views that `base` made of the samples, reconstructed.
+fn sharpened(
+    samples: &HexSamples,
+    target: &Target,
+    (base, low): (Way, &[Array3<f32>]),
+    wanted: &[(usize, usize)],
+    dictionary: &Dictionary,
+    observer: &dyn Observer,
+) -> Result<Vec<Array3<f32>>> {
     // The truth is what a lenslet sees, so a sample is the truth at a point.
     let options = infer::Options { footprint: Footprint::Point, ..infer::Options::default() };
     let reconstructor = infer::Reconstructor::new(dictionary, &options)?;
+    let made = if base == Way::Multiview { Base::Multiview } else { Base::Barycentric };
+    let faithful = infer::Faithful::new(&reconstructor, samples, made, (target.width, target.height), None)?;
     low.iter()
-        .map(|view| {
+        .zip(wanted)
+        .map(|(view, &(v, u))| {
             ensure!(!observer.cancelled(), super::Interrupted);
             let mut view = view.clone();
             colour::convert(&mut view, ColourSpace::Linear, ColourSpace::Srgb);
             view.mapv_inplace(|x| x.clamp(0.0, 1.0));
-            let mut sharp = reconstructor.view(&view)?;
+            let mut sharp = faithful.view(&view, samples.values.index_axis(Axis(0), v * samples.views + u))?;
             colour::convert(&mut sharp, ColourSpace::Srgb, ColourSpace::Linear);
             Ok(sharp)
         })

@@ -41,24 +41,14 @@ A .safetensors file, or a folder of .npy files with dictionary.json. Names are M
     },
 }
 
-/// Dictionaries inside the program beside the default one: names and files.
-const SHELF: [(&str, &[u8]); 3] = [
-    ("small", include_bytes!("../../dictionaries/small.lfd")),
-    ("x2", include_bytes!("../../dictionaries/x2.lfd")),
-    ("x3", include_bytes!("../../dictionaries/x3.lfd")),
-];
-
-/// A dictionary by name or file. A file that exists is taken before a name; `default`, `small`, `x2` and `x3` are inside
-/// the program; another name without folders is also looked for as NAME.lfd in `dictionaries/` here and beside the program.
+/// A dictionary by name or file. A file that exists is taken before a name; those of
+/// [`infer::names`] are inside the program; another name without folders is also looked for as NAME.lfd in `dictionaries/` here and beside the program.
 pub fn find(name: &Path) -> anyhow::Result<Dictionary> {
     if name.is_file() {
         return Ok(dictionary::load(name)?);
     }
-    if name.as_os_str() == "default" {
-        return Ok(infer::embedded()?);
-    }
-    if let Some((known, bytes)) = SHELF.iter().find(|(known, _)| name.as_os_str() == *known) {
-        return Ok(dictionary::from_bytes(bytes, &format!("the embedded dictionary {known}"))?);
+    if let Some(found) = name.to_str().and_then(infer::named) {
+        return Ok(found?);
     }
     if name.components().count() == 1 {
         let program = std::env::current_exe().ok().and_then(|p| p.parent().map(Path::to_path_buf));
@@ -69,9 +59,9 @@ pub fn find(name: &Path) -> anyhow::Result<Dictionary> {
             }
         }
         if name.extension().is_none() {
-            let known: Vec<&str> = SHELF.iter().map(|d| d.0).collect();
+            let known: Vec<&str> = infer::names().collect();
             anyhow::bail!(
-                "there is no dictionary {}: give a file, one of default, {}, or a name in dictionaries/",
+                "there is no dictionary {}: give a file, one of {}, or a name in dictionaries/",
                 name.display(),
                 known.join(", ")
             );

@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 
 use lenslet::infer::{self, Enlargement, Mode, Options, Reconstructor};
+use lenslet::resample::Method;
 use lenslet_core::decode::{HexSamples, npz};
-use lenslet_core::dictionary::{self, Footprint};
-use lenslet_core::lightfield::{self, ColourSpace, ReadOptions};
+use lenslet_core::dictionary::{self, Base, Footprint};
+use lenslet_core::lightfield::{self, ColourSpace, Meta, ReadOptions};
 use lenslet_core::progress::Observer;
 use serde_json::json;
 
@@ -27,7 +28,8 @@ pub struct Args {
     input: PathBuf,
     #[command(flatten)]
     written: Written,
-    /// Dictionary: a file, or a name (default: the embedded one; for views of other tools x2 or x3, by --scale)
+    /// Dictionary: a file, or a name (default: the embedded one for views of this kind: default, or multiview for refined
+    /// ones; for views of other tools x2 or x3, by --scale)
     #[arg(long, value_name = "NAME|FILE")]
     dictionary: Option<PathBuf>,
     /// Anchored regressors instead of LASSO codes: faster
@@ -82,7 +84,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let (name, footprint) = match (&args.dictionary, grid) {
         (Some(name), _) => (name.clone(), footprint),
         (None, Some(grid)) => (grid.to_path_buf(), Footprint::Grid),
-        (None, None) => (PathBuf::from("default"), footprint),
+        (None, None) => (PathBuf::from(own(&meta)), footprint),
     };
     let found = dict::find(&name)?;
     let mode = match (args.fast, args.best) {
@@ -123,12 +125,12 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         "dictionary": name.file_name().map(|n| n.to_string_lossy().into_owned()),
         "mode": format!("{mode:?}").to_lowercase(), "footprint": model.footprint, "scale": scale,
     }));
-    // Views interpolated from their own samples keep them true; refined ones are nearer to the scene than a noisy sample.
-    let samples = if scale == 1.0 && matches!(source.meta().method.as_deref(), Some("barycentric" | "cubic")) {
-        measured(args)?
-    } else {
-        None
-    };
+    let samples =
+        if scale == 1.0 && matches!(source.meta().method.as_deref(), Some("barycentric" | "cubic" | "multiview")) {
+            measured(args)?
+        } else {
+            None
+        };
     let format = args.written.format();
     let mut sink = lightfield::create(&args.written.out, meta.clone(), format, args.written.force)?;
     let began = std::time::Instant::now();
@@ -158,6 +160,12 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         "dictionary": name.display().to_string(),
     });
     Ok(Outcome { json, text })
+}
+
+/// The dictionary inside the program for a light field that says how its views were made.
+fn own(meta: &Meta) -> &'static str {
+    let refined = meta.method.as_deref() == Some(Method::Multiview.name());
+    infer::name_for(if refined { Base::Multiview } else { Base::Barycentric })
 }
 
 /// The samples that decode left in the light field's folder, or beside a light field that is one file.

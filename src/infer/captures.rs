@@ -6,17 +6,18 @@ use std::path::PathBuf;
 
 use lenslet_core::calibration;
 use lenslet_core::decode;
-use lenslet_core::dictionary::Photo;
+use lenslet_core::dictionary::{Footprint, Photo};
 use lenslet_core::lightfield::{ColourSpace, colour};
 use lenslet_core::metrics::luminance;
 use lenslet_core::progress::{Observer, Silent};
 use lenslet_data_gen::pairs::{Crop, find_photos, load_photo};
-use lenslet_data_gen::simulate::{self, Camera};
+use lenslet_data_gen::simulate::{self, Camera, Kind, Scene};
 use lenslet_train::{Data, Error, Parameters};
-use ndarray::{Array2, s};
+use ndarray::{Array2, Array3, Axis, s};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
+use super::Truth;
 use crate::resample::{Target, encode, multiview};
 
 /// Photos that share a scene.
@@ -74,13 +75,21 @@ pub fn captured_crops(photos: &[PathBuf], parameters: &Parameters, observer: &dy
             stop(observer)?;
             let scene: Vec<PathBuf> = (0..PHOTOS.min(set.len())).map(|j| set[(k + j) % set.len()].1.clone()).collect();
             let index = set[k].0;
-            let made = capture(&scene, index, count, parameters).map_err(|e| match e.downcast::<Error>() {
-                Ok(e) => e,
-                Err(e) => Error::Crops(format!("a simulated capture of {}: {e:#}", scene[0].display())),
-            })?;
-            crops.extend(made);
+            let draw =
+                |camera: &Camera, disparity, seed| simulate::photos(&scene, camera, Some(disparity), seed, &Silent);
+            let failed = |e| Error::Crops(format!("a simulated capture of {}: {e:#}", scene[0].display()));
+            crops.extend(capture(&draw, index, count, parameters).map_err(failed)?);
             observer.advance(1);
         }
+    }
+    let drawn: usize = std::env::var("DRAWN").ok().and_then(|v| v.parse().ok()).unwrap_or(0);
+    for k in 0..drawn {
+        stop(observer)?;
+        let kind = [Kind::Natural, Kind::Chart, Kind::Occluders, Kind::Planes][k % 4];
+        let draw = |camera: &Camera, disparity, seed| Scene::named(kind, camera, Some(disparity), seed, &Silent);
+        let failed = |e| Error::Crops(format!("a simulated capture of the scene {}: {e:#}", kind.name()));
+        data.train.extend(capture(&draw, 100_000 + k, 2 * parameters.crops, parameters).map_err(failed)?);
+        eprintln!("drawn {k}");
     }
     Ok(data)
 }
@@ -89,8 +98,11 @@ fn stop(observer: &dyn Observer) -> Result<(), Error> {
     if observer.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
 }
 
+/// What stands before the camera, given its largest disparity and a seed.
+type Draw<'a> = &'a dyn Fn(&Camera, f64, u64) -> Result<Scene, simulate::Error>;
+
 /// Crops of one capture.
-fn capture(photos: &[PathBuf], index: usize, count: usize, parameters: &Parameters) -> anyhow::Result<Vec<Crop>> {
+fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) -> anyhow::Result<Vec<Crop>> {
     let mut rng = ChaCha8Rng::seed_from_u64(parameters.seed);
     rng.set_stream((5 << 60) | index as u64);
     // As many output pixels as two crops and their borders take, at the camera's own scale.
@@ -104,7 +116,7 @@ fn capture(photos: &[PathBuf], index: usize, count: usize, parameters: &Paramete
     };
     let disparity = 0.7 * rng.random::<f64>() - 0.35;
     let options = simulate::Options { seed: rng.random::<u32>().into(), noise: rng.random::<f64>(), whites: 2 };
-    let scene = simulate::photos(photos, &camera, Some(disparity), options.seed, &Silent)?;
+    let scene = draw(&camera, disparity, options.seed)?;
     let simulation = simulate::render(&scene, &camera, &options, &Silent)?;
     let calibration = calibration::calibrate(&simulation.whites, &calibration::Options::default(), &Silent)?;
     let samples = decode::samples(&simulation.capture, &calibration, &decode::Options::default(), &Silent)?;
@@ -115,25 +127,32 @@ fn capture(photos: &[PathBuf], index: usize, count: usize, parameters: &Paramete
     }
     let size = simulate::output_size(&camera, side);
     let target = Target { width: size.0, height: size.1 };
+    let truth = Truth::new(&samples, Footprint::Point, parameters.pitch, size, None)?;
     let mut refined = Vec::new();
     let wanted = multiview::Options { views: Some(views.clone()), ..multiview::Options::default() };
-    let mut keep = |_: usize, _: usize, view: &ndarray::Array3<f32>| {
-        refined.push(luminance(encode::srgb(view).view()));
+    let mut keep = |v: usize, u: usize, view: &Array3<f32>| {
+        let values = samples.values.index_axis(Axis(0), v * VIEWS + u);
+        refined.push(truth.keep(&luminance(encode::srgb(view).view()), values, true)?);
         Ok(())
     };
     multiview::render(&samples, &target, &wanted, &mut keep, &Silent)?;
 
+    let truths: Vec<Array2<f32>> = views
+        .iter()
+        .map(|&at| {
+            let mut truth = simulate::view(&scene, &camera, simulate::offset([at.0, at.1], VIEWS, 1.0), size);
+            colour::convert(&mut truth, ColourSpace::Linear, ColourSpace::Srgb);
+            luminance(truth.view())
+        })
+        .collect();
     let mut crops = Vec::new();
     for k in 0..count {
-        let (v, u) = views[k % views.len()];
-        let mut truth = simulate::view(&scene, &camera, simulate::offset([v, u], VIEWS, 1.0), size);
-        colour::convert(&mut truth, ColourSpace::Linear, ColourSpace::Srgb);
-        let truth = luminance(truth.view());
+        let (truth, refined) = (&truths[k % views.len()], &refined[k % views.len()]);
         let edge = parameters.crop.min(size.0.min(size.1).saturating_sub(2 * BORDER));
         let mut corner = |n: usize| rng.random_range(BORDER..=(n - BORDER - edge).max(BORDER));
         let (y, x) = (corner(size.1), corner(size.0));
         let cut = |p: &Array2<f32>| p.slice(s![y..y + edge, x..x + edge]).to_owned();
-        crops.push(Crop { photo: index, high: cut(&truth), low: cut(&refined[k % views.len()]) });
+        crops.push(Crop { photo: index, high: cut(truth), low: cut(refined) });
     }
     Ok(crops)
 }

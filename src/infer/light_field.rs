@@ -1,7 +1,7 @@
 //! Whole light fields, view after view.
 
 use lenslet_core::decode::HexSamples;
-use lenslet_core::dictionary;
+use lenslet_core::dictionary::{self, Base};
 use lenslet_core::lightfield::{ColourSpace, Meta, ViewSink, ViewSource, colour};
 use lenslet_core::progress::Observer;
 use lenslet_core::sampling::bicubic;
@@ -36,8 +36,8 @@ impl Enlargement {
 }
 
 /// Reconstructs every view of `source` into `sink`, which takes values in colour space `to`. One view at a time in memory.
-/// With the samples that the views were interpolated from, and the standard deviation of their noise where it is known, these
-/// stay true.
+/// With the samples that the views were made of, and the standard deviation of their noise where it is known, these stay true
+/// (see [`Faithful`]).
 ///
 /// # Errors
 /// Views that cannot be read or written, samples of other views, a factor out of range, interruption
@@ -57,6 +57,7 @@ pub fn light_field(
     let meta: &Meta = source.meta();
     let [rows, columns] = meta.views;
     let size = enlargement.size(meta.size);
+    let base = if meta.method.as_deref() == Some("multiview") { Base::Multiview } else { Base::Barycentric };
     let faithful = match samples {
         Some((samples, noise)) => {
             anyhow::ensure!(
@@ -64,7 +65,7 @@ pub fn light_field(
                 "the samples are of {0}x{0} views, the light field has {rows}x{columns}",
                 samples.views
             );
-            Some((Faithful::new(reconstructor, samples, (size[1], size[0]), noise)?, samples))
+            Some((Faithful::new(reconstructor, samples, base, (size[1], size[0]), noise)?, samples))
         }
         None => None,
     };

@@ -2,73 +2,75 @@
 
 use anyhow::{Result, ensure};
 use lenslet_core::decode::HexSamples;
+use lenslet_core::dictionary::{Base, Footprint};
 use lenslet_core::lightfield::colour;
 use lenslet_core::metrics::LUMINANCE;
 use ndarray::{Array2, Array3, ArrayView2};
-use rand::rngs::ChaCha8Rng;
-use rand::{RngExt, SeedableRng};
 
 use super::noise::Neighbours;
 use super::{Measured, Noise, Reconstructor, back_project, checked_luminance, with_luminance};
 
 /// Rounds of back-projection: differences fall to about a thousandth of the range.
 const ROUNDS: usize = 4;
+/// Differences up to this part of the noise are left to views interpolated from the samples themselves.
+const OWN: f32 = 0.5;
+/// As much is left to refined views, in parts of the noise and of the range: many samples made them, so they are off by less
+/// than one sample is, but where a neighbour was taken for what it is not.
+const REFINED: (f32, f32) = (1.5, 0.01);
 
-/// Reconstruction of views interpolated from single-view samples (barycentric, cubic), which it keeps true.
+/// What was measured in every view, and how noisy it is.
 #[derive(Debug, Clone)]
-pub struct Faithful<'a> {
-    reconstructor: &'a Reconstructor,
+pub struct Truth {
     measured: Measured,
     neighbours: Neighbours,
-    /// Energy that unit noise of the samples gives the features.
-    gain: f32,
     given: Option<f32>,
 }
 
-impl<'a> Faithful<'a> {
-    /// For views of (width, height) pixels of samples at lenslet centres; `noise` as in [`super::Options::noise`].
+impl Truth {
+    /// Samples that see `footprint` (`pitch` output pixels wide), for views of (width, height) pixels; `noise` as in
+    /// [`super::Options::noise`].
     ///
     /// # Errors
     /// Samples that cannot be triangulated, a size out of range.
     pub fn new(
-        reconstructor: &'a Reconstructor,
         samples: &HexSamples,
+        footprint: Footprint,
+        pitch: f64,
         size: (usize, usize),
         noise: Option<f32>,
     ) -> Result<Self> {
         let (fx, fy) = (size.0 as f64 / samples.sensor.0 as f64, size.1 as f64 / samples.sensor.1 as f64);
         let centres: Vec<[f64; 2]> =
             samples.centres.iter().map(|c| [(c[0] + 0.5) * fx - 0.5, (c[1] + 0.5) * fy - 0.5]).collect();
-        let model = reconstructor.model();
         let neighbours = Neighbours::new(&centres)?;
-        let measured = Measured::new(centres, model.footprint, model.pitch, size)?;
-        // Even deviates of unit variance; the seed hardly matters among so many.
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let unit: Vec<f32> = samples.centres.iter().map(|_| (rng.random::<f32>() - 0.5) * 12f32.sqrt()).collect();
-        let gain = reconstructor.energy(measured.interpolate(&unit)?.view());
-        Ok(Faithful { reconstructor, measured, neighbours, gain, given: noise })
+        Ok(Truth { measured: Measured::new(centres, footprint, pitch, size)?, neighbours, given: noise })
     }
 
-    /// Reconstructs an sRGB-encoded view (t, s, c) interpolated from `values` (lenslets, c) in linear light. Clamped to 0..1.
-    ///
-    /// Where it is not clamped, its luminance at the lenslet centres is that of the samples, but for noise that was given and
-    /// about a thousandth of the range.
+    /// Noise of a view's samples (lenslets, 1 or 3 channels; linear light): what was given, or an estimate.
     ///
     /// # Errors
-    /// Shapes that do not belong together, what the solver reports.
-    pub fn view(&self, low: &Array3<f32>, values: ArrayView2<'_, f32>) -> Result<Array3<f32>> {
-        let y = checked_luminance(low)?;
+    /// Another number of channels.
+    pub fn noise(&self, values: ArrayView2<'_, f32>) -> Result<Noise> {
+        if let Some(sigma) = self.given {
+            return Ok(Noise::constant(sigma));
+        }
+        let encode = |v: f32| colour::encode(v.clamp(0.0, 1.0));
+        let colours: Option<Vec<f32>> =
+            (values.ncols() == 3).then(|| values.rows().into_iter().map(|v| encode(v[0]) - encode(v[1])).collect());
+        Ok(Noise::estimate(&encoded_luminance(values)?, colours.as_deref(), &self.neighbours))
+    }
+
+    /// Moves a view's luminance (t, s), sRGB-encoded, towards its samples: differences that noise explains stay. Views made
+    /// of the samples of all the others (`refined`) are moved only where they are clearly off.
+    ///
+    /// # Errors
+    /// Shapes that do not belong together.
+    pub fn keep(&self, plane: &Array2<f32>, values: ArrayView2<'_, f32>, refined: bool) -> Result<Array2<f32>> {
         let samples = encoded_luminance(values)?;
-        let noise = match self.given {
-            Some(sigma) => Noise::constant(sigma),
-            None => Noise::estimate(&samples, &self.neighbours),
-        };
-        let energy = y.mapv(|b| self.gain * noise.at(b).powi(2));
-        let sharp = self.reconstructor.plane_with_noise(y.view(), energy.view())?;
-        // An estimate holds sharpening back; only noise that is given lets the view differ from what was measured.
-        let sigma = self.given.map_or_else(Vec::new, |sigma| vec![sigma; samples.len()]);
-        let (faithful, _) = back_project(&sharp, &self.measured, ndarray::aview1(&samples), ROUNDS, &sigma)?;
-        Ok(with_luminance(low, &y, &faithful))
+        let noise = self.noise(values)?;
+        let (part, least) = if refined { REFINED } else { (OWN, 0.0) };
+        let left: Vec<f32> = samples.iter().map(|&s| part * noise.at(s) + least).collect();
+        Ok(back_project(plane, &self.measured, ndarray::aview1(&samples), ROUNDS, &left)?.0)
     }
 
     /// What a view's luminance says at the lenslet centres.
@@ -77,6 +79,56 @@ impl<'a> Faithful<'a> {
     /// An empty plane.
     pub fn sample(&self, plane: &Array2<f32>) -> Result<Vec<f32>> {
         Ok(self.measured.sample(plane)?.into_raw_vec_and_offset().0)
+    }
+}
+
+/// Reconstruction of views whose samples are at hand.
+#[derive(Debug, Clone)]
+pub struct Faithful<'a> {
+    reconstructor: &'a Reconstructor,
+    truth: Truth,
+    refined: bool,
+}
+
+impl<'a> Faithful<'a> {
+    /// For views of (width, height) pixels that `base` made of the samples; `noise` as in [`super::Options::noise`].
+    ///
+    /// # Errors
+    /// Samples that cannot be triangulated, a size out of range.
+    pub fn new(
+        reconstructor: &'a Reconstructor,
+        samples: &HexSamples,
+        base: Base,
+        size: (usize, usize),
+        noise: Option<f32>,
+    ) -> Result<Self> {
+        let model = reconstructor.model();
+        let truth = Truth::new(samples, model.footprint, model.pitch, size, noise)?;
+        Ok(Faithful { reconstructor, truth, refined: base == Base::Multiview })
+    }
+
+    /// Reconstructs an sRGB-encoded view (t, s, c) made from samples of which its own are `values` (lenslets, c), in linear
+    /// light. Clamped to 0..1.
+    ///
+    /// Interpolated views return their samples where they are not clamped, but for noise and about a thousandth of the range.
+    /// Refined views are put right where they are clearly off before they are reconstructed.
+    ///
+    /// # Errors
+    /// Shapes that do not belong together, what the solver reports.
+    pub fn view(&self, low: &Array3<f32>, values: ArrayView2<'_, f32>) -> Result<Array3<f32>> {
+        let y = checked_luminance(low)?;
+        let sharp = if self.refined {
+            self.reconstructor.plane(self.truth.keep(&y, values, true)?.view())?
+        } else {
+            self.truth.keep(&self.reconstructor.plane(y.view())?, values, false)?
+        };
+        Ok(with_luminance(low, &y, &sharp))
+    }
+
+    /// What was measured.
+    #[must_use]
+    pub fn truth(&self) -> &Truth {
+        &self.truth
     }
 }
 
@@ -140,23 +192,23 @@ mod tests {
         let low = encode::srgb(&barycentric::view(&barycentric::prepare(&samples, &target).unwrap(), values).unwrap());
         let wanted = encoded_luminance(values).unwrap();
         let off = |faithful: &Faithful, view: &Array3<f32>| -> (f32, f32) {
-            let found = faithful.sample(&luminance(view.view())).unwrap();
+            let found = faithful.truth().sample(&luminance(view.view())).unwrap();
             let errors: Vec<f32> = found.iter().zip(&wanted).map(|(a, b)| (a - b).abs()).collect();
             let rms = (errors.iter().map(|e| e * e).sum::<f32>() / errors.len() as f32).sqrt();
             (rms, errors.iter().fold(0.0, |a, &b| a.max(b)))
         };
-        let exact = Faithful::new(&reconstructor, &samples, (200, 200), Some(0.0)).unwrap();
+        let exact = Faithful::new(&reconstructor, &samples, Base::Barycentric, (200, 200), Some(0.0)).unwrap();
         let (plain, _) = off(&exact, &reconstructor.view(&low).unwrap());
         let (rms, worst) = off(&exact, &exact.view(&low, values).unwrap());
         assert!(rms < 0.001 && worst < 0.02 && rms < 0.3 * plain, "{rms} {worst} against {plain}");
         // Given noise, nothing is moved that noise explains, and the rest to within it.
-        let noisy = Faithful::new(&reconstructor, &samples, (200, 200), Some(0.02)).unwrap();
+        let noisy = Faithful::new(&reconstructor, &samples, Base::Barycentric, (200, 200), Some(0.02)).unwrap();
         let (_, worst) = off(&noisy, &noisy.view(&low, values).unwrap());
-        assert!(worst < 0.04, "{worst}");
-        // Noise that explains everything leaves the view as it was.
-        let blind = Faithful::new(&reconstructor, &samples, (200, 200), Some(10.0)).unwrap();
-        let same = blind.view(&low, values).unwrap();
-        assert!((&same - &low).iter().all(|d| d.abs() < 1e-5));
+        assert!(worst < 0.03, "{worst}");
+        // Noise that explains everything leaves the dictionary's view as it is.
+        let blind = Faithful::new(&reconstructor, &samples, Base::Barycentric, (200, 200), Some(10.0)).unwrap();
+        let free = reconstructor.view(&low).unwrap();
+        assert!((&blind.view(&low, values).unwrap() - &free).iter().all(|d| d.abs() < 1e-5));
         assert!(exact.view(&low, values.slice(ndarray::s![1.., ..])).is_err());
     }
 }

@@ -6,19 +6,18 @@ mod captures;
 mod light_field;
 mod measured;
 mod noise;
+mod shelf;
 
 pub use back_project::{Measured, back_project};
 pub use captures::captured_crops;
 pub use light_field::{Enlargement, light_field};
-pub use measured::Faithful;
+pub use measured::{Faithful, Truth};
 pub use noise::Noise;
+pub use shelf::{embedded, embedded_for, name_for, named, names};
 
 use lenslet_core::dictionary::{self, Dictionary, Footprint, Path};
 use lenslet_core::metrics::{LUMINANCE, luminance};
 use ndarray::{Array2, Array3, ArrayView2};
-
-/// The dictionary that comes with the program: `dictionaries/default.lfd`.
-static DEFAULT: &[u8] = include_bytes!("../../dictionaries/default.lfd");
 
 /// How much work reconstruction does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -66,14 +65,6 @@ impl Default for Options {
             noise: None,
         }
     }
-}
-
-/// The dictionary embedded in the program.
-///
-/// # Errors
-/// When the build embedded a file that is no dictionary.
-pub fn embedded() -> Result<Dictionary, dictionary::Error> {
-    dictionary::from_bytes(DEFAULT, "the embedded dictionary")
 }
 
 /// A dictionary's model made ready for views.

@@ -3,11 +3,12 @@
 //! A dictionary knows one pitch. Where the target's pitch differs from it by more than a tenth, the view is interpolated
 //! and reconstructed at the dictionary's own pitch and then resized bicubically to the target.
 //!
-//! Views interpolated from their own samples keep these true. Views refined by all the others do not: they are nearer to the
-//! scene than a single noisy sample is.
+//! Views interpolated from their own samples keep these true. Views refined by all the others have a dictionary of their own,
+//! and are put right by their samples only where they are clearly off: elsewhere they are nearer to the scene than a single
+//! noisy sample is.
 
 use lenslet_core::decode::HexSamples;
-use lenslet_core::dictionary::Dictionary;
+use lenslet_core::dictionary::{Base, Dictionary};
 use lenslet_core::lightfield::{ColourSpace, colour};
 use lenslet_core::progress::Observer;
 use lenslet_core::sampling::{MAX_PIXELS, bicubic};
@@ -32,7 +33,17 @@ pub fn working_size(samples: &HexSamples, target: &Target, trained: f64) -> Targ
     if width.checked_mul(height).is_some_and(|n| n <= MAX_PIXELS) { Target { width, height } } else { *target }
 }
 
-/// Renders every view by `options.base`, reconstructs it with the dictionary (the embedded one unless given), and hands it
+/// What a dictionary calls a method that views can be made with.
+fn base(method: Method) -> Base {
+    match method {
+        Method::Multiview => Base::Multiview,
+        Method::Cubic => Base::Cubic,
+        Method::Bicubic => Base::Bicubic,
+        Method::Barycentric | Method::Learned => Base::Barycentric,
+    }
+}
+
+/// Renders every view by `options.base`, reconstructs it with the dictionary (the embedded one for such views unless given), and hands it
 /// to `sink` in linear light.
 ///
 /// # Errors
@@ -49,11 +60,16 @@ pub fn render(
     let dictionary = match &options.dictionary {
         Some(given) => given,
         None => {
-            embedded = infer::embedded()?;
+            embedded = infer::embedded_for(base(options.base))?;
             &embedded
         }
     };
     let reconstructor = Reconstructor::new(dictionary, &options.infer)?;
+    let trained = reconstructor.model().base;
+    if (trained == Base::Multiview) != (options.base == Method::Multiview) {
+        observer
+            .note(&format!("the dictionary was trained on {trained} views, these are {}: expect less", options.base));
+    }
     let working = working_size(samples, target, reconstructor.model().pitch);
     if working != *target {
         observer.note(&format!(
@@ -62,9 +78,9 @@ pub fn render(
         ));
     }
     let faithful = match options.base {
-        Method::Barycentric | Method::Cubic => {
+        Method::Barycentric | Method::Cubic | Method::Multiview => {
             let size = (working.width, working.height);
-            Some(Faithful::new(&reconstructor, samples, size, options.infer.noise)?)
+            Some(Faithful::new(&reconstructor, samples, base(options.base), size, options.infer.noise)?)
         }
         _ => None,
     };

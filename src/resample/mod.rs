@@ -102,7 +102,7 @@ pub fn pitch(samples: &HexSamples) -> f64 {
 pub struct RenderOptions {
     /// What learned reconstruction starts from.
     pub base: Method,
-    /// Dictionary of learned reconstruction; the embedded one when absent.
+    /// Dictionary of learned reconstruction; when absent the embedded one for views of `base`.
     pub dictionary: Option<lenslet_core::dictionary::Dictionary>,
     /// How learned reconstruction works.
     pub infer: crate::infer::Options,
@@ -110,7 +110,7 @@ pub struct RenderOptions {
 
 impl Default for RenderOptions {
     fn default() -> Self {
-        // Barycentric views are what the embedded dictionary was trained on.
+        // Barycentric views are what the default dictionary was trained on.
         RenderOptions { base: Method::Barycentric, dictionary: None, infer: crate::infer::Options::default() }
     }
 }
