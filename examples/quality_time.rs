@@ -27,8 +27,7 @@ fn rows() -> Vec<Row> {
     rows.extend([4, 3, 2, 1].map(|step| ("fast", Path::Anchored, step, None, 1)));
     rows.extend([4, 3, 2, 1].map(|step| ("learned", Path::Lasso, step, None, 1)));
     rows.extend([0.15, 0.3].map(|lambda| ("learned", Path::Lasso, 2, Some(lambda), 1)));
-    rows.push(("both", Path::Both, 2, None, 1));
-    rows.push(("best", Path::Both, 2, None, 4));
+    rows.push(("best", Path::Lasso, 2, None, 4));
     rows
 }
 
@@ -126,7 +125,6 @@ fn main() -> anyhow::Result<()> {
             Path::Linear => 0,
             Path::Lasso => atoms,
             Path::Anchored => anchors,
-            Path::Both => atoms + anchors,
         };
         let patches = 1e6 / (step * step) as f64 * ensemble as f64;
         let bound = patches * (features * compared) as f64 * each;

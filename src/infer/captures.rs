@@ -22,6 +22,10 @@ use crate::resample::{Target, encode, multiview};
 
 /// Photos that share a scene.
 const PHOTOS: usize = 3;
+/// Drawn scenes, in turn: photos hardly have thin things before others, letters and sharp edges.
+const DRAWN: [Kind; 4] = [Kind::Natural, Kind::Chart, Kind::Occluders, Kind::Planes];
+/// Index of the first drawn scene, beyond those of photos.
+const AFTER_PHOTOS: usize = 100_000;
 /// Views a side of a capture.
 const VIEWS: usize = 7;
 /// Views of a capture that train.
@@ -31,7 +35,7 @@ const BORDER: usize = 12;
 
 /// Crops for [`lenslet_train::train_on`] from photos (files, or folders that are searched): twice
 /// `parameters.crops` for every second photo that trains, of `parameters.crop` pixels a side; every `held_out`-th photo only
-/// before captures that do not train.
+/// before captures that do not train. For every two captures of photos there is one of a drawn scene, of a seed of its own.
 ///
 /// Each capture has a disparity of its own between −0.35 and 0.35 pitches a sensor pixel, often near 0 where views have the
 /// same samples all over again, and noise between none and full.
@@ -69,7 +73,8 @@ pub fn captured_crops(photos: &[PathBuf], parameters: &Parameters, observer: &dy
     for k in (1..train.len()).rev() {
         train.swap(k, rng.random_range(0..=k));
     }
-    observer.begin("captures", (train.len().div_ceil(2) + held_out.len().div_ceil(2)) as u64);
+    let drawn = train.len().div_ceil(2) / 2;
+    observer.begin("captures", (train.len().div_ceil(2) + held_out.len().div_ceil(2) + drawn) as u64);
     for (set, crops, count) in [(&train, &mut data.train, 2 * parameters.crops), (&held_out, &mut data.held_out, 1)] {
         for k in (0..set.len()).step_by(2) {
             stop(observer)?;
@@ -82,14 +87,14 @@ pub fn captured_crops(photos: &[PathBuf], parameters: &Parameters, observer: &dy
             observer.advance(1);
         }
     }
-    let drawn: usize = std::env::var("DRAWN").ok().and_then(|v| v.parse().ok()).unwrap_or(0);
     for k in 0..drawn {
         stop(observer)?;
-        let kind = [Kind::Natural, Kind::Chart, Kind::Occluders, Kind::Planes][k % 4];
+        let kind = DRAWN[k % DRAWN.len()];
         let draw = |camera: &Camera, disparity, seed| Scene::named(kind, camera, Some(disparity), seed, &Silent);
         let failed = |e| Error::Crops(format!("a simulated capture of the scene {}: {e:#}", kind.name()));
-        data.train.extend(capture(&draw, 100_000 + k, 2 * parameters.crops, parameters).map_err(failed)?);
-        eprintln!("drawn {k}");
+        let index = AFTER_PHOTOS + k;
+        data.train.extend(capture(&draw, index, 2 * parameters.crops, parameters).map_err(failed)?);
+        observer.advance(1);
     }
     Ok(data)
 }

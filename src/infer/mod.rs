@@ -49,7 +49,7 @@ pub struct Options {
     /// Passes used, all by default.
     pub passes: Option<usize>,
     /// Standard deviation of the samples' noise (sRGB-encoded luminance, 0..1) instead of what is estimated from them, where
-    /// the measured samples are at hand.
+    /// the measured samples are at hand: see [`Truth`].
     pub noise: Option<f32>,
 }
 
@@ -111,24 +111,6 @@ impl Reconstructor {
     /// What the solver reports.
     pub fn plane(&self, low: ArrayView2<'_, f32>) -> Result<Array2<f32>, dictionary::Error> {
         self.inner.plane(low)
-    }
-
-    /// [`Self::plane`], held back where noise explains the features: `noise` is its part of their energy at each pixel.
-    ///
-    /// # Errors
-    /// Another shape of the noise; what the solver reports.
-    pub fn plane_with_noise(
-        &self,
-        low: ArrayView2<'_, f32>,
-        noise: ArrayView2<'_, f32>,
-    ) -> Result<Array2<f32>, dictionary::Error> {
-        self.inner.plane_with_noise(low, Some(noise))
-    }
-
-    /// Mean energy of the features over a plane.
-    #[must_use]
-    pub fn energy(&self, plane: ArrayView2<'_, f32>) -> f32 {
-        self.inner.energy(plane)
     }
 
     /// Reconstructs an sRGB-encoded view (t, s, c) with one or three channels: luminance learned, colour differences from

@@ -16,8 +16,6 @@ pub enum Path {
     Anchored,
     /// One ridge regressor for all patches.
     Linear,
-    /// The mean of the LASSO and the anchored residual: their errors differ.
-    Both,
 }
 
 /// Options of reconstruction.
@@ -89,7 +87,7 @@ impl Reconstructor {
                 return wrong(format!("a step of {} pixels between patches of {}", options.step, pass.patch));
             }
             let needed = match options.path {
-                Path::Lasso | Path::Both => true,
+                Path::Lasso => true,
                 Path::Anchored => pass.anchored.is_none(),
                 Path::Linear => false,
             };
@@ -111,25 +109,6 @@ impl Reconstructor {
     /// # Errors
     /// Only what the sparse solver reports.
     pub fn plane(&self, low: ArrayView2<'_, f32>) -> Result<Array2<f32>, Error> {
-        self.plane_with_noise(low, None)
-    }
-
-    /// [`Self::plane`] where the low image is noisy: `noise` (of the same shape) is the energy ‖f‖² that noise alone gives
-    /// the features of a patch centred there. Residuals shrink by 1 − noise/‖f‖² (Wiener), to nothing where patches hold no more
-    /// than noise. The first pass only: later ones see what it left.
-    ///
-    /// # Errors
-    /// Another shape; what the sparse solver reports.
-    pub fn plane_with_noise(
-        &self,
-        low: ArrayView2<'_, f32>,
-        noise: Option<ArrayView2<'_, f32>>,
-    ) -> Result<Array2<f32>, Error> {
-        if let Some(n) = &noise
-            && n.dim() != low.dim()
-        {
-            return Err(Error::Parameter(format!("noise of shape {:?} for a plane of {:?}", n.dim(), low.dim())));
-        }
         let low = low.mapv(|v| if v.is_finite() { v } else { 0.0 });
         if low.is_empty() {
             return Ok(low);
@@ -145,12 +124,8 @@ impl Reconstructor {
             };
             turn(&mut view);
             let mut current = view.as_standard_layout().into_owned();
-            let mut noise = noise;
-            if let Some(n) = &mut noise {
-                turn(n);
-            }
             for (pass, solver) in self.model.passes.iter().zip(&self.solvers) {
-                current = self.pass(pass, solver.as_ref(), &current, noise.take())?;
+                current = self.pass(pass, solver.as_ref(), &current)?;
             }
             let mut result = current.view();
             turn(&mut result);
@@ -162,28 +137,7 @@ impl Reconstructor {
         Ok(sum)
     }
 
-    /// Mean energy ‖f‖² of the first pass's features over a plane (t, s): 0 for a plane without any.
-    #[must_use]
-    pub fn energy(&self, plane: ArrayView2<'_, f32>) -> f32 {
-        let Some(pass) = self.model.passes.first() else { return 0.0 };
-        let (h, w) = plane.dim();
-        let centres: Vec<(usize, usize)> =
-            (0..h).step_by(5).flat_map(|y| (0..w).step_by(7).map(move |x| (y, x))).take(4096).collect();
-        if centres.is_empty() {
-            return 0.0;
-        }
-        let padded = pad(plane, pass.support / 2);
-        let f = extract(&padded, pass.support, &pass.filters, &centres, &mut Vec::new());
-        f.iter().map(|v| v * v).sum::<f32>() / centres.len() as f32
-    }
-
-    fn pass(
-        &self,
-        pass: &Pass,
-        solver: Option<&sparse::Prepared>,
-        low: &Array2<f32>,
-        noise: Option<ArrayView2<'_, f32>>,
-    ) -> Result<Array2<f32>, Error> {
+    fn pass(&self, pass: &Pass, solver: Option<&sparse::Prepared>, low: &Array2<f32>) -> Result<Array2<f32>, Error> {
         let (h, w) = low.dim();
         let (step, margin, r) = (self.options.step, pass.support / 2, pass.patch / 2);
         let padded = pad(low.view(), margin);
@@ -206,7 +160,8 @@ impl Reconstructor {
                 .map(|rows| {
                     let corners: Vec<(usize, usize)> =
                         rows.iter().flat_map(|&y| xs.iter().map(move |&x| (y, x))).collect();
-                    let patches = self.residuals(pass, solver, &padded, &corners, noise)?;
+                    let features = extract(&padded, pass.support, &pass.filters, &corners, &mut Vec::new());
+                    let patches = self.patches(pass, solver, &features)?;
                     let first = rows[0].saturating_sub(r);
                     let last = (rows[rows.len() - 1] + r + 1).min(h);
                     let mut part = Part {
@@ -232,26 +187,6 @@ impl Reconstructor {
         Ok(sums)
     }
 
-    fn residuals(
-        &self,
-        pass: &Pass,
-        solver: Option<&sparse::Prepared>,
-        padded: &Array2<f32>,
-        corners: &[(usize, usize)],
-        noise: Option<ArrayView2<'_, f32>>,
-    ) -> Result<Array2<f32>, Error> {
-        let features = extract(padded, pass.support, &pass.filters, corners, &mut Vec::new());
-        let mut patches = self.patches(pass, solver, &features)?;
-        if let Some(noise) = noise {
-            for ((mut patch, f), &at) in patches.rows_mut().into_iter().zip(features.rows()).zip(corners) {
-                let share = 1.0 - noise[at] / f.dot(&f).max(1e-12);
-                // Also what is not a number counts as nothing but noise.
-                patch *= if share > 0.0 { share.min(1.0) } else { 0.0 };
-            }
-        }
-        Ok(patches)
-    }
-
     fn patches(
         &self,
         pass: &Pass,
@@ -261,16 +196,11 @@ impl Reconstructor {
         match (self.options.path, &pass.anchored, solver) {
             (Path::Linear, _, _) | (Path::Anchored, None, None) => Ok(features.dot(&pass.linear)),
             (Path::Anchored, Some(anchored), _) => Ok(regress(anchored, features, self.options.flat)),
-            (path, anchored, Some(solver)) => {
+            (_, _, Some(solver)) => {
                 let lambda = self.options.lambda.unwrap_or(pass.lambda);
-                let mut patches = lasso(pass, solver, features, lambda, self.options.flat)?;
-                if let (Path::Both, Some(anchored)) = (path, anchored) {
-                    patches += &regress(anchored, features, self.options.flat);
-                    patches *= 0.5;
-                }
-                Ok(patches)
+                lasso(pass, solver, features, lambda, self.options.flat)
             }
-            (Path::Lasso | Path::Both, _, None) => Err(Error::Parameter("the dictionary was not prepared".into())),
+            (Path::Lasso, _, None) => Err(Error::Parameter("the dictionary was not prepared".into())),
         }
     }
 }
@@ -457,7 +387,7 @@ mod tests {
                         let best = (0..c.len()).max_by(|&i, &j| c[i].total_cmp(&c[j])).unwrap();
                         f.row(0).dot(&a.maps.index_axis(ndarray::Axis(0), best))
                     }
-                    Path::Lasso | Path::Both => {
+                    Path::Lasso => {
                         let options = sparse::Options {
                             solver: sparse::Solver::CoordinateDescent,
                             penalty: sparse::Penalty::Lambda(pass.lambda),
@@ -486,15 +416,6 @@ mod tests {
     #[test]
     fn bands_equal_the_definition() {
         let model = &small(4).models[0];
-        let both = |low: &Array2<f32>, step| {
-            let model = &small(4).models[0];
-            let [a, b] = [Path::Lasso, Path::Anchored].map(|path| plain(&model.passes[0], low, step, path));
-            (a + b) * 0.5
-        };
-        let low = plane(20, 23);
-        let options = Options { path: Path::Both, ..Options::default() };
-        let mean = Reconstructor::new(model, &options).unwrap().plane(low.view()).unwrap();
-        assert!((&mean - &both(&low, 2)).iter().all(|d| d.abs() < 2e-3));
         for path in [Path::Lasso, Path::Anchored, Path::Linear] {
             for (h, w, step) in [(31, 23, 2), (20, 41, 1), (9, 9, 3), (1, 12, 2), (1, 1, 1)] {
                 let low = plane(h, w);
@@ -534,29 +455,6 @@ mod tests {
         assert!(Reconstructor::new(model, &Options { step: 0, ..Options::default() }).is_err());
         assert!(Reconstructor::new(model, &Options { step: 4, ..Options::default() }).is_err());
         assert!(Reconstructor::new(model, &Options { ensemble: 3, ..Options::default() }).is_err());
-    }
-
-    #[test]
-    fn noise_shrinks_what_it_explains() {
-        let model = &small(4).models[0];
-        for (path, ensemble) in [(Path::Lasso, 1), (Path::Anchored, 4)] {
-            let r = Reconstructor::new(model, &Options { path, ensemble, ..Options::default() }).unwrap();
-            let low = plane(30, 24);
-            let clean = r.plane(low.view()).unwrap();
-            let with = |n: f32| r.plane_with_noise(low.view(), Some(Array2::from_elem((30, 24), n).view())).unwrap();
-            assert_eq!(with(0.0), clean);
-            assert!((&with(1e9) - &low).iter().all(|d| d.abs() < 1e-6));
-            assert!((&with(f32::NAN) - &low).iter().all(|d| d.abs() < 1e-6));
-            let moved = |p: &Array2<f32>| (p - &low).mapv(|v| v * v).sum();
-            let some = moved(&with(0.5 * r.energy(low.view())));
-            assert!(some > 0.0 && some < moved(&clean));
-            // Noise in one corner leaves the others as they are.
-            let mut noise = Array2::zeros((30, 24));
-            noise.slice_mut(ndarray::s![..10, ..10]).fill(1e9);
-            let here = r.plane_with_noise(low.view(), Some(noise.view())).unwrap();
-            assert!((&here - &clean).slice(ndarray::s![15.., 15..]).iter().all(|d| d.abs() < 1e-6));
-            assert!(r.plane_with_noise(low.view(), Some(noise.t())).is_err());
-        }
     }
 
     #[test]
