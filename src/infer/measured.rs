@@ -111,17 +111,19 @@ impl<'a> Faithful<'a> {
     /// light. Clamped to 0..1.
     ///
     /// Interpolated views return their samples where they are not clamped, but for noise and about a thousandth of the range.
-    /// Refined views are put right where they are clearly off before they are reconstructed.
+    /// Refined views are put right where they are clearly off, before and after they are reconstructed.
     ///
     /// # Errors
     /// Shapes that do not belong together, what the solver reports.
     pub fn view(&self, low: &Array3<f32>, values: ArrayView2<'_, f32>) -> Result<Array3<f32>> {
         let y = checked_luminance(low)?;
+        // Where a refined view is clearly off, features would be those of something else.
         let sharp = if self.refined {
             self.reconstructor.plane(self.truth.keep(&y, values, true)?.view())?
         } else {
-            self.truth.keep(&self.reconstructor.plane(y.view())?, values, false)?
+            self.reconstructor.plane(y.view())?
         };
+        let sharp = self.truth.keep(&sharp, values, self.refined)?;
         Ok(with_luminance(low, &y, &sharp))
     }
 
