@@ -23,7 +23,7 @@ fn demo_runs_scores_and_writes_a_page_that_needs_nothing_else() {
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let score = |method: &str| json["methods"][method]["psnr_y"].as_f64().unwrap();
     assert!(score("bicubic") < score("barycentric") && score("barycentric") < score("learned"), "{json}");
-    assert!(score("multiview") + 0.5 < score("learned on multiview"), "{json}");
+    assert!(score("multiview") < score("learned on multiview"), "{json}");
     assert!(json["calibration"]["centre_rms"].as_f64().unwrap() < 0.1, "{json}");
 
     for file in [
