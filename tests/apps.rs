@@ -107,7 +107,7 @@ fn depth_writes_what_it_says_and_compares_with_the_truth() {
     let json = told(&["depth", text(&field), "--truth", text(&truth), "--out", text(&out)]);
     let all = &json["truth"]["all"];
     assert!(all["bad_0.07"].as_f64().unwrap() < 0.1, "{json}");
-    assert!(all["median"].as_f64().unwrap() < 0.03, "{json}");
+    assert!(all["median"].as_f64().unwrap() < 0.04, "{json}");
     assert_eq!(json["nearer_is"], "smaller");
     for name in ["disparity.pfm", "confidence.pfm", "disparity.png", "colours.png", "points.ply", "depth.json"] {
         assert!(out.join(name).is_file(), "{name}");

@@ -66,6 +66,10 @@ impl Noise {
 
     /// From the luminance of the samples of one view and, where they have colours, from their red − green.
     pub(super) fn estimate(values: &[f32], colours: Option<&[f32]>, neighbours: &Neighbours) -> Noise {
+        let fits = |values: &[f32]| values.len() == neighbours.samples;
+        if !fits(values) || !colours.is_none_or(fits) {
+            return Noise::constant(0.0);
+        }
         let brightness = neighbours.means(values);
         let mut noise = Noise { curve: curve(values, &brightness, neighbours) };
         if let Some(colours) = colours {
@@ -90,9 +94,6 @@ impl Noise {
 
 /// Standard deviation of the noise in `values` at each step of the brightness around them.
 fn curve(values: &[f32], brightness: &[(f32, f32)], neighbours: &Neighbours) -> [f32; BINS] {
-    if values.len() != neighbours.samples || brightness.len() != values.len() {
-        return [0.0; BINS];
-    }
     let squares: Vec<f32> = values
         .iter()
         .zip(neighbours.means(values))
