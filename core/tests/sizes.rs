@@ -29,12 +29,15 @@ fn big() -> usize {
     std::env::var("LENSLET_BIG").ok().and_then(|n| n.parse().ok()).unwrap_or(400)
 }
 
+/// Tells whether it could read the bytes.
+type Read = Box<dyn Fn(&[u8]) -> bool>;
+
 /// A file and what reads it.
 struct Reader {
     name: &'static str,
     bytes: Vec<u8>,
     /// Gives whether the file was read; a value that does not keep its promises, or an error without words, panics.
-    read: Box<dyn Fn(&[u8]) -> bool>,
+    read: Read,
 }
 
 fn reader<T, E: std::fmt::Display>(

@@ -168,12 +168,9 @@ fn own(meta: &Meta) -> &'static str {
     infer::name_for(if refined { Base::Multiview } else { Base::Barycentric })
 }
 
-/// The samples that decode left in the light field's folder, or beside a light field that is one file.
+/// The samples that decode left with the light field.
 fn measured(args: &Args) -> anyhow::Result<Option<HexSamples>> {
-    let within = args.input.join(npz::SAMPLES);
-    let beside = args.input.with_extension(npz::SAMPLES);
-    let found = [within, beside].into_iter().find(|path| path.is_file());
-    match found {
+    match npz::beside(&args.input) {
         Some(path) if !args.without_samples => Ok(Some(npz::load(&path)?)),
         _ => Ok(None),
     }
