@@ -6,10 +6,10 @@ use anyhow::Result;
 use lenslet::resample::multiview::{Fit, Options, hidden_score, render, render_light_field};
 use lenslet::resample::{Target, barycentric, cubic};
 use lenslet_core::decode::HexSamples;
-use lenslet_core::lightfield::{ColourSpace, LightField, Meta};
+use lenslet_core::lightfield::{self, ColourSpace, Format, LightField, Meta, ReadOptions};
 use lenslet_core::progress::Silent;
 use lenslet_core::sampling::bicubic;
-use ndarray::{Array2, Array3, Array5, s};
+use ndarray::{Array2, Array3, Array5, ArrayView3, s};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
@@ -223,6 +223,47 @@ fn other_tools_light_fields_gain_in_size() {
     let flat = |_: f64, _: f64| 0.0;
     let (before, after) = (psnr(&alone, flat, (2, 2)), psnr(&image.unwrap(), flat, (2, 2)));
     assert!(after > before + 2.0, "{after:.2} dB after {before:.2}");
+}
+
+#[test]
+fn refine_enlarges_a_light_field_and_refuses_what_it_cannot() {
+    let folder = tempfile::tempdir().unwrap();
+    let (from, to) = (folder.path().join("plain"), folder.path().join("refined"));
+    let mut sink =
+        lightfield::create(&from, Meta::new([5, 5], [50, 50], 3, ColourSpace::Linear), Format::Directory, false)
+            .unwrap();
+    for (v, u) in (0..25).map(|k| (k / 5, k % 5)) {
+        let (du, dv) = (u as f64 - 2.0, v as f64 - 2.0);
+        let seen = |t: usize, s: usize| (2.0 * (s as f64 - 0.45 * du) + 0.5, 2.0 * (t as f64 - 0.45 * dv) + 0.5);
+        let view = Array3::from_shape_fn((50, 50, 3), |(t, s, _)| texture(seen(t, s).0, seen(t, s).1) as f32);
+        sink.write(v, u, &view).unwrap();
+    }
+    sink.finish().unwrap();
+    let run = |more: &[&str]| {
+        let mut all = vec!["refine", from.to_str().unwrap(), "--out", to.to_str().unwrap(), "--json", "-q"];
+        all.extend(more);
+        std::process::Command::new(env!("CARGO_BIN_EXE_lenslet")).args(all).output().unwrap()
+    };
+    assert_eq!(run(&["--scale", "0.5"]).status.code(), Some(2));
+    let done = run(&["--linear"]);
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let told: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
+    assert_eq!((&told["size"], &told["samples"]), (&serde_json::json!([100, 100]), &serde_json::json!(false)));
+    let refined = lightfield::load(&to, &ReadOptions::default()).unwrap();
+    assert_eq!(refined.meta.method.as_deref(), Some("multiview"));
+    let plain = lightfield::load(&from, &ReadOptions::default()).unwrap();
+    let alone = bicubic::resize(plain.data.slice(s![2, 2, .., .., ..]), 100, 100).unwrap();
+    let error = |image: ArrayView3<f32>| -> f64 {
+        let inner = image.slice(s![12..88, 12..88, ..]);
+        inner
+            .indexed_iter()
+            .map(|((t, s, _), x)| (f64::from(*x) - texture((s + 12) as f64, (t + 12) as f64)).powi(2))
+            .sum()
+    };
+    let (before, after) = (error(alone.view()), error(refined.data.slice(s![2, 2, .., .., ..])));
+    assert!(after < 0.7 * before, "{before} {after}");
+    // What stands there is not replaced unasked.
+    assert_eq!(run(&[]).status.code(), Some(1));
 }
 
 #[test]
