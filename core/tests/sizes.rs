@@ -24,7 +24,8 @@ use sha2::Digest;
 /// Cuts of a large file.
 const CUTS: usize = 200;
 
-/// Pixels a side of a large capture; LENSLET_BIG=3280 makes them as large as real ones.
+/// Pixels a side of a large capture; LENSLET_BIG=3000 makes them as large as real ones
+/// (at 3280, a raw of a known camera, its text may be missing).
 fn big() -> usize {
     std::env::var("LENSLET_BIG").ok().and_then(|n| n.parse().ok()).unwrap_or(400)
 }
