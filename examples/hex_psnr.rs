@@ -107,8 +107,19 @@ fn methods(truth: ArrayView2<'_, f32>, a: &Arguments, index: u64) -> anyhow::Res
     let low = plane(Weights::new(&placed.centres, (w, h), (w, h))?.apply(values.view())?);
     add("barycentric", &mut || Ok(low.clone()))?;
     add("cubic", &mut || Ok(plane(Cubic::new(&placed.centres, (w, h), (w, h))?.apply(values.view())?)))?;
-    let modes = [("ridge", Mode::Ridge), ("learned", Mode::Learned), ("fast", Mode::Fast), ("best", Mode::Best)];
+    let modes = [
+        ("ridge", Mode::Ridge),
+        ("learned", Mode::Learned),
+        ("fast", Mode::Fast),
+        ("anchored", Mode::Anchored),
+        ("network", Mode::Network),
+        ("best", Mode::Best),
+    ];
+    let network = a.dictionary.models.iter().flat_map(|m| &m.passes).any(|p| p.network.is_some());
     for (name, mode) in modes {
+        if matches!(mode, Mode::Network | Mode::Anchored) && !network {
+            continue;
+        }
         let reconstructor = Reconstructor::new(&a.dictionary, &Options { mode, ..a.options.clone() })?;
         add(name, &mut || Ok(reconstructor.plane(low.view())?))?;
     }

@@ -1,5 +1,5 @@
 //! What learned reconstruction adds to multi-view refinement, in every view of simulated captures:
-//! `cargo run --release --example learned_multiview -- [--dictionary FILE] [--mode learned|fast|best|ridge] [--seed N]
+//! `cargo run --release --example learned_multiview -- [--dictionary FILE] [--mode learned|fast|best|ridge|lasso|network] [--seed N]
 //! [--noise S] [--sensor N] [SCENE…]`
 //!
 //! Each scene (default: natural, chart, occluders, planes) is captured by a simulated camera (`--sensor` pixels wide, noise as in
@@ -49,7 +49,9 @@ fn arguments() -> anyhow::Result<Arguments> {
                     "fast" => Mode::Fast,
                     "best" => Mode::Best,
                     "ridge" => Mode::Ridge,
-                    other => bail!("mode {other}: learned, fast, best or ridge"),
+                    "lasso" => Mode::Lasso,
+                    "network" => Mode::Network,
+                    other => bail!("mode {other}: learned, fast, best, ridge, lasso or network"),
                 }
             }
             other if other.starts_with("--") => bail!("unknown option {other}"),

@@ -28,6 +28,7 @@ fn rows() -> Vec<Row> {
     rows.extend([4, 3, 2, 1].map(|step| ("learned", Path::Lasso, step, None, 1)));
     rows.extend([0.15, 0.3].map(|lambda| ("learned", Path::Lasso, 2, Some(lambda), 1)));
     rows.push(("best", Path::Lasso, 2, None, 4));
+    rows.extend([4, 3, 2, 1].map(|step| ("network", Path::Network, step, None, 1)));
     rows
 }
 
@@ -112,6 +113,9 @@ fn main() -> anyhow::Result<()> {
     let each = product(20_000, features, atoms);
     let mut table: Vec<Value> = Vec::new();
     for (name, path, step, lambda, ensemble) in rows() {
+        if path == Path::Network && first.network.is_none() {
+            continue;
+        }
         let options = Options { path, step, lambda, ensemble, ..Options::default() };
         let reconstructor = Reconstructor::new(model, &options)?;
         let (mut mean, mut seconds) = (0.0, 0.0);
@@ -121,13 +125,14 @@ fn main() -> anyhow::Result<()> {
             seconds += cpu_seconds() - began;
             mean += psnr(&result, truth)? / planes.len() as f64;
         }
-        let compared = match path {
-            Path::Linear => 0,
-            Path::Lasso => atoms,
-            Path::Anchored => anchors,
+        let products = match (path, &first.network) {
+            (Path::Linear, _) => 0,
+            (Path::Anchored, _) => features * anchors,
+            (Path::Network, Some(network)) => network.layers.iter().map(|l| l.weights.len()).sum(),
+            (Path::Lasso | Path::Network, _) => features * atoms,
         };
         let patches = 1e6 / (step * step) as f64 * ensemble as f64;
-        let bound = patches * (features * compared) as f64 * each;
+        let bound = patches * products as f64 * each;
         let per = seconds / megapixels;
         table.push(json!({
             "mode": name, "step": step, "lambda": lambda.unwrap_or(first.lambda), "copies": ensemble, "psnr": mean,

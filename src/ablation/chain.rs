@@ -5,7 +5,8 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result};
 use lenslet_core::calibration::Variant;
-use lenslet_core::decode;
+use lenslet_core::container;
+use lenslet_core::decode::{self, Step};
 use lenslet_core::dictionary::{Base, Dictionary};
 use lenslet_core::progress::Observer;
 use lenslet_data_gen::simulate::Kind;
@@ -109,8 +110,14 @@ pub(super) fn captured(
     let dictionary = embedded(chain.way)?;
     let steps = to_samples(chain)?;
     kept.enter(&path.to_string_lossy(), &run.seed.to_string());
-    let (samples, views) =
-        kept.decoded(&steps, || Ok(decode::samples(capture, calibration, &options(chain)?, observer)?))?;
+    let mut options = options(chain)?;
+    // As `decode` does it: colours that went through a JPEG coder are calmed, and scores are of linear light.
+    options.steps.retain(|s| !matches!(s, Step::Gamut));
+    if container::is_jpeg(path) {
+        let after = options.steps.iter().position(|s| matches!(s, Step::Demosaic(_))).map_or(0, |k| k + 1);
+        options.steps.insert(after, Step::CalmColours);
+    }
+    let (samples, views) = kept.decoded(&steps, || Ok(decode::samples(capture, calibration, &options, observer)?))?;
     let mut image = None;
     let score = multiview::hidden_score(samples, &target, HIDDEN, run.seed, wanted[0], &mut |rest| {
         let mut rendered = render((&steps, rest), &target, chain.way, &wanted, dictionary.as_ref(), views, observer)?;

@@ -32,12 +32,15 @@ pub struct Args {
     /// ones; for views of other tools x2 or x3, by --scale)
     #[arg(long, value_name = "NAME|FILE")]
     dictionary: Option<PathBuf>,
-    /// Anchored regressors instead of LASSO codes: faster
+    /// The dictionary's network (anchored regressors where it has none), patches further apart: faster
     #[arg(long)]
     fast: bool,
-    /// LASSO codes averaged over four mirrored copies of each view: slower
+    /// LASSO codes and network together, averaged over four mirrored copies of each view: slower
     #[arg(long, conflicts_with = "fast")]
     best: bool,
+    /// How residuals are found, instead of LASSO codes for interpolated views and the network for refined ones
+    #[arg(long, conflicts_with_all = ["fast", "best"], value_parser = ["lasso", "network", "anchored", "ridge"])]
+    path: Option<String>,
     /// What a sample of the light field saw
     #[arg(long, default_value = "point", value_parser = ["point", "lenslet"])]
     footprint: String,
@@ -87,9 +90,13 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         (None, None) => (PathBuf::from(own(&meta)), footprint),
     };
     let found = dict::find(&name)?;
-    let mode = match (args.fast, args.best) {
-        (true, _) => Mode::Fast,
-        (_, true) => Mode::Best,
+    let mode = match (args.path.as_deref(), args.fast, args.best) {
+        (Some("lasso"), ..) => Mode::Lasso,
+        (Some("network"), ..) => Mode::Network,
+        (Some("anchored"), ..) => Mode::Anchored,
+        (Some(_), ..) => Mode::Ridge,
+        (_, true, _) => Mode::Fast,
+        (_, _, true) => Mode::Best,
         _ => Mode::Learned,
     };
     let options = Options { mode, footprint, step: args.step, lambda: args.lambda, ..Options::default() };

@@ -122,6 +122,7 @@ mod tests {
             replaced: 0,
             held_out_psnr: psnr,
             low_psnr: psnr.map(|p| p - 1.0),
+            network_psnr: None,
             seconds: 1.0,
         }
     }

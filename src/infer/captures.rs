@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use lenslet_core::calibration;
 use lenslet_core::decode;
-use lenslet_core::dictionary::{Footprint, Photo};
+use lenslet_core::dictionary::{Base, Footprint, Photo};
 use lenslet_core::lightfield::{ColourSpace, colour};
 use lenslet_core::metrics::luminance;
 use lenslet_core::progress::{Observer, Silent};
@@ -33,9 +33,9 @@ const TAKEN: usize = 4;
 /// Pixels left out at the border of a view.
 const BORDER: usize = 12;
 
-/// Crops for [`lenslet_train::train_on`] from photos (files, or folders that are searched): twice
-/// `parameters.crops` for every second photo that trains, of `parameters.crop` pixels a side; every `held_out`-th photo only
-/// before captures that do not train. For every two captures of photos there is one of a drawn scene, of a seed of its own.
+/// Crops for [`lenslet_train::train_on`] from photos (files, or folders that are searched): twice `parameters.crops` for
+/// every photo that trains, of `parameters.crop` pixels a side; every `held_out`-th photo only before captures that do not
+/// train. For every two captures of photos there is one of a drawn scene, of a seed of its own.
 ///
 /// Each capture has a disparity of its own between −0.35 and 0.35 pitches a sensor pixel, often near 0 where views have the
 /// same samples all over again, and noise between none and full.
@@ -69,14 +69,15 @@ pub fn captured_crops(photos: &[PathBuf], parameters: &Parameters, observer: &dy
         return Err(Error::TooLittle(format!("none of {of} files is a usable photo: {}", data.skipped.join("; "))));
     }
     let mut rng = ChaCha8Rng::seed_from_u64(parameters.seed);
-    // Every second photo is the background of a capture, with the two after it before it.
+    // Every photo is the background of a capture, with the two after it before it; of those held out every second.
     for k in (1..train.len()).rev() {
         train.swap(k, rng.random_range(0..=k));
     }
-    let drawn = train.len().div_ceil(2) / 2;
-    observer.begin("captures", (train.len().div_ceil(2) + held_out.len().div_ceil(2) + drawn) as u64);
-    for (set, crops, count) in [(&train, &mut data.train, 2 * parameters.crops), (&held_out, &mut data.held_out, 1)] {
-        for k in (0..set.len()).step_by(2) {
+    let drawn = train.len() / 2;
+    observer.begin("captures", (train.len() + held_out.len().div_ceil(2) + drawn) as u64);
+    let sets = [(&train, &mut data.train, 2 * parameters.crops, 1), (&held_out, &mut data.held_out, 1, 2)];
+    for (set, crops, count, every) in sets {
+        for k in (0..set.len()).step_by(every) {
             stop(observer)?;
             let scene: Vec<PathBuf> = (0..PHOTOS.min(set.len())).map(|j| set[(k + j) % set.len()].1.clone()).collect();
             let index = set[k].0;
@@ -132,12 +133,14 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
     }
     let size = simulate::output_size(&camera, side);
     let target = Target { width: size.0, height: size.1 };
-    let truth = Truth::new(&samples, Footprint::Point, parameters.pitch, size, None)?;
-    let mut refined = Vec::new();
+    let alone: &[Base] = parameters.network.as_ref().map_or(&[], |n| &n.beside);
+    let truth = Truth::new(&samples, Footprint::Point, parameters.pitch, size, None, alone)?;
+    let (mut refined, mut beside) = (Vec::new(), Vec::new());
     let wanted = multiview::Options { views: Some(views.clone()), ..multiview::Options::default() };
     let mut keep = |v: usize, u: usize, view: &Array3<f32>| {
         let values = samples.values.index_axis(Axis(0), v * VIEWS + u);
         refined.push(truth.keep(&luminance(encode::srgb(view).view()), values, true)?);
+        beside.push(alone.iter().map(|&base| truth.alone(values, base)).collect::<anyhow::Result<Vec<_>>>()?);
         Ok(())
     };
     multiview::render(&samples, &target, &wanted, &mut keep, &Silent)?;
@@ -152,12 +155,13 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
         .collect();
     let mut crops = Vec::new();
     for k in 0..count {
-        let (truth, refined) = (&truths[k % views.len()], &refined[k % views.len()]);
+        let at = k % views.len();
         let edge = parameters.crop.min(size.0.min(size.1).saturating_sub(2 * BORDER));
         let mut corner = |n: usize| rng.random_range(BORDER..=(n - BORDER - edge).max(BORDER));
         let (y, x) = (corner(size.1), corner(size.0));
         let cut = |p: &Array2<f32>| p.slice(s![y..y + edge, x..x + edge]).to_owned();
-        crops.push(Crop { photo: index, high: cut(truth), low: cut(refined) });
+        let beside = beside[at].iter().map(cut).collect();
+        crops.push(Crop { photo: index, high: cut(&truths[at]), low: cut(&refined[at]), beside });
     }
     Ok(crops)
 }

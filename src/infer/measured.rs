@@ -5,10 +5,11 @@ use lenslet_core::decode::HexSamples;
 use lenslet_core::dictionary::{Base, Footprint};
 use lenslet_core::lightfield::colour;
 use lenslet_core::metrics::LUMINANCE;
-use ndarray::{Array2, Array3, ArrayView2};
+use lenslet_core::sampling::Cubic;
+use ndarray::{Array2, Array3, ArrayView2, Axis};
 
 use super::noise::Neighbours;
-use super::{Measured, Noise, Reconstructor, back_project, checked_luminance, with_luminance};
+use super::{Measured, Noise, Reconstructor, back_project, checked_luminance, guided};
 
 /// Rounds of back-projection: differences fall to about a thousandth of the range.
 const ROUNDS: usize = 4;
@@ -22,13 +23,14 @@ const REFINED: (f32, f32) = (1.5, 0.01);
 #[derive(Debug, Clone)]
 pub struct Truth {
     measured: Measured,
+    cubic: Option<Cubic>,
     neighbours: Neighbours,
     given: Option<f32>,
 }
 
 impl Truth {
     /// Samples that see `footprint` (`pitch` output pixels wide), for views of (width, height) pixels; `noise` as in
-    /// [`super::Options::noise`].
+    /// [`super::Options::noise`]; `alone` is what [`Truth::alone`] will be asked for.
     ///
     /// # Errors
     /// Samples that cannot be triangulated, a size out of range.
@@ -38,12 +40,14 @@ impl Truth {
         pitch: f64,
         size: (usize, usize),
         noise: Option<f32>,
+        alone: &[Base],
     ) -> Result<Self> {
         let (fx, fy) = (size.0 as f64 / samples.sensor.0 as f64, size.1 as f64 / samples.sensor.1 as f64);
         let centres: Vec<[f64; 2]> =
             samples.centres.iter().map(|c| [(c[0] + 0.5) * fx - 0.5, (c[1] + 0.5) * fy - 0.5]).collect();
         let neighbours = Neighbours::new(&centres)?;
-        Ok(Truth { measured: Measured::new(centres, footprint, pitch, size)?, neighbours, given: noise })
+        let cubic = if alone.contains(&Base::Cubic) { Some(Cubic::new(&centres, size, size)?) } else { None };
+        Ok(Truth { measured: Measured::new(centres, footprint, pitch, size)?, cubic, neighbours, given: noise })
     }
 
     /// Noise of a view's samples (lenslets, 1 or 3 channels; linear light): what was given, or an estimate.
@@ -71,6 +75,22 @@ impl Truth {
         let (part, least) = if refined { REFINED } else { (OWN, 0.0) };
         let left: Vec<f32> = samples.iter().map(|&s| part * noise.at(s) + least).collect();
         Ok(back_project(plane, &self.measured, ndarray::aview1(&samples), ROUNDS, &left)?.0)
+    }
+
+    /// A view's luminance, sRGB-encoded, as `base` (barycentric or cubic) interpolates it from the view's own samples, 0..1.
+    ///
+    /// # Errors
+    /// Another number of samples, another base.
+    pub fn alone(&self, values: ArrayView2<'_, f32>, base: Base) -> Result<Array2<f32>> {
+        let samples = encoded_luminance(values)?;
+        match (base, &self.cubic) {
+            (Base::Barycentric, _) => Ok(self.measured.interpolate(&samples)?),
+            (Base::Cubic, Some(cubic)) => {
+                let plane = cubic.apply(ndarray::aview1(&samples).insert_axis(Axis(1)))?;
+                Ok(plane.index_axis_move(Axis(2), 0).mapv(|v| v.clamp(0.0, 1.0)))
+            }
+            (other, _) => anyhow::bail!("no {other} image of a view's own samples was prepared"),
+        }
     }
 
     /// What a view's luminance says at the lenslet centres.
@@ -103,7 +123,7 @@ impl<'a> Faithful<'a> {
         noise: Option<f32>,
     ) -> Result<Self> {
         let model = reconstructor.model();
-        let truth = Truth::new(samples, model.footprint, model.pitch, size, noise)?;
+        let truth = Truth::new(samples, model.footprint, model.pitch, size, noise, reconstructor.beside())?;
         Ok(Faithful { reconstructor, truth, refined: base == Base::Multiview })
     }
 
@@ -117,14 +137,16 @@ impl<'a> Faithful<'a> {
     /// Shapes that do not belong together, what the solver reports.
     pub fn view(&self, low: &Array3<f32>, values: ArrayView2<'_, f32>) -> Result<Array3<f32>> {
         let y = checked_luminance(low)?;
+        let beside = self.reconstructor.beside().iter().map(|&base| self.truth.alone(values, base));
+        let beside = beside.collect::<Result<Vec<_>>>()?;
         // Where a refined view is clearly off, features would be those of something else.
         let sharp = if self.refined {
-            self.reconstructor.plane(self.truth.keep(&y, values, true)?.view())?
+            self.reconstructor.plane_beside(self.truth.keep(&y, values, true)?.view(), &beside)?
         } else {
-            self.reconstructor.plane(y.view())?
+            self.reconstructor.plane_beside(y.view(), &beside)?
         };
         let sharp = self.truth.keep(&sharp, values, self.refined)?;
-        Ok(with_luminance(low, &y, &sharp))
+        Ok(guided::with_luminance(low, &y, &sharp, self.reconstructor.reach()))
     }
 
     /// What was measured.

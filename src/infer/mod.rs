@@ -1,8 +1,9 @@
 //! Learned reconstruction of views and whole light fields (paper section 4.4): eq. (4) on the luminance of every view,
-//! colour differences from the interpolated view, and measured samples kept true.
+//! colour differences of the interpolated view guided by it, and measured samples kept true.
 
 mod back_project;
 mod captures;
+mod guided;
 mod light_field;
 mod measured;
 mod noise;
@@ -15,21 +16,28 @@ pub use measured::{Faithful, Truth};
 pub use noise::Noise;
 pub use shelf::{embedded, embedded_for, name_for, named, names};
 
-use lenslet_core::dictionary::{self, Dictionary, Footprint, Path};
-use lenslet_core::metrics::{LUMINANCE, luminance};
+use lenslet_core::dictionary::{self, Base, Dictionary, Footprint, Path};
+use lenslet_core::metrics::luminance;
 use ndarray::{Array2, Array3, ArrayView2};
 
 /// How much work reconstruction does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
-    /// The LASSO codes of eq. (4).
+    /// The LASSO codes of eq. (4); for refined views the dictionary's network, where it has one.
     Learned,
-    /// Anchored regressors, patches further apart.
+    /// The network, patches further apart; anchored regressors where there is none.
     Fast,
-    /// The LASSO codes, averaged over four mirrored copies of the view.
+    /// As `Learned`, averaged over four mirrored copies of the view; of interpolated views the mean of the LASSO codes and
+    /// the network, where there is one.
     Best,
     /// One ridge regressor for all patches: what a linear filter alone gives.
     Ridge,
+    /// The LASSO codes, whatever the view.
+    Lasso,
+    /// The network, whatever the view.
+    Network,
+    /// Anchored regressors.
+    Anchored,
 }
 
 /// Options of a [`Reconstructor`].
@@ -71,6 +79,8 @@ impl Default for Options {
 #[derive(Debug, Clone)]
 pub struct Reconstructor {
     inner: dictionary::Reconstructor,
+    /// Averaged with it.
+    other: Option<dictionary::Reconstructor>,
 }
 
 impl Reconstructor {
@@ -82,13 +92,20 @@ impl Reconstructor {
         let model = dictionary
             .model(options.footprint)
             .ok_or_else(|| dictionary::Error::Parameter("the dictionary holds no model".into()))?;
-        let (path, step, ensemble) = match options.mode {
-            Mode::Learned => (Path::Lasso, 2, 1),
-            Mode::Fast => (Path::Anchored, 3, 1),
+        let network = model.passes.iter().any(|p| p.network.is_some());
+        let (refined, mode) = (model.base == Base::Multiview && network, options.mode);
+        let (path, step, ensemble) = match mode {
+            Mode::Learned | Mode::Network if refined || mode == Mode::Network => (Path::Network, 2, 1),
+            Mode::Learned | Mode::Lasso | Mode::Network => (Path::Lasso, 2, 1),
+            Mode::Fast if network => (Path::Network, 3, 1),
+            Mode::Fast | Mode::Anchored => (Path::Anchored, 3, 1),
+            Mode::Best if refined => (Path::Network, 2, 4),
             Mode::Best => (Path::Lasso, 2, 4),
             Mode::Ridge => (Path::Linear, 3, 1),
         };
-        let least = model.passes.iter().map(|p| p.patch).min().unwrap_or(1);
+        let sides =
+            model.passes.iter().flat_map(|p| [Some(p.patch), p.network.as_ref().map(dictionary::Network::patch)]);
+        let least = sides.flatten().min().unwrap_or(1);
         let inner = dictionary::Options {
             path,
             step: options.step.unwrap_or(step.min(least)),
@@ -97,7 +114,21 @@ impl Reconstructor {
             passes: options.passes,
             ..dictionary::Options::default()
         };
-        Ok(Reconstructor { inner: dictionary::Reconstructor::new(model, &inner)? })
+        let both = mode == Mode::Best && network && !refined;
+        let other = dictionary::Options { path: Path::Network, ..inner.clone() };
+        let other = if both { Some(dictionary::Reconstructor::new(model, &other)?) } else { None };
+        Ok(Reconstructor { inner: dictionary::Reconstructor::new(model, &inner)?, other })
+    }
+
+    /// Half the side of the windows in which colours are smoothed: about what a sample takes.
+    pub(crate) fn reach(&self) -> usize {
+        (self.model().pitch.round() as usize).clamp(1, 16)
+    }
+
+    /// Which interpolations of a view's own samples it wants to see beside the view.
+    #[must_use]
+    pub fn beside(&self) -> &[Base] {
+        self.inner.beside()
     }
 
     /// The model in use.
@@ -110,18 +141,34 @@ impl Reconstructor {
     /// # Errors
     /// What the solver reports.
     pub fn plane(&self, low: ArrayView2<'_, f32>) -> Result<Array2<f32>, dictionary::Error> {
-        self.inner.plane(low)
+        self.plane_beside(low, &[])
+    }
+
+    /// [`Reconstructor::plane`] with what [`Reconstructor::beside`] asks for; the LASSO codes stand in where it is missing.
+    ///
+    /// # Errors
+    /// What the solver reports; images of another size.
+    pub fn plane_beside(
+        &self,
+        low: ArrayView2<'_, f32>,
+        beside: &[Array2<f32>],
+    ) -> Result<Array2<f32>, dictionary::Error> {
+        let plane = self.inner.plane_beside(low, beside)?;
+        match &self.other {
+            Some(other) => Ok((plane + other.plane_beside(low, beside)?) * 0.5),
+            None => Ok(plane),
+        }
     }
 
     /// Reconstructs an sRGB-encoded view (t, s, c) with one or three channels: luminance learned, colour differences from
-    /// the view. Clamped to 0..1.
+    /// the view, guided by it. Clamped to 0..1.
     ///
     /// # Errors
     /// Another number of channels; what the solver reports.
     pub fn view(&self, low: &Array3<f32>) -> Result<Array3<f32>, dictionary::Error> {
         let y = checked_luminance(low)?;
         let sharp = self.plane(y.view())?;
-        Ok(with_luminance(low, &y, &sharp))
+        Ok(guided::with_luminance(low, &y, &sharp, self.reach()))
     }
 }
 
@@ -130,17 +177,4 @@ pub(crate) fn checked_luminance(view: &Array3<f32>) -> Result<Array2<f32>, dicti
         1 | 3 => Ok(luminance(view.view())),
         c => Err(dictionary::Error::Parameter(format!("a view of {c} channels cannot be reconstructed: 1 or 3"))),
     }
-}
-
-/// The view with its luminance moved from `before` to `after`, the same for all channels, clamped to 0..1.
-pub(crate) fn with_luminance(view: &Array3<f32>, before: &Array2<f32>, after: &Array2<f32>) -> Array3<f32> {
-    debug_assert!((LUMINANCE.iter().sum::<f32>() - 1.0).abs() < 1e-6);
-    let mut out = view.clone();
-    for ((mut pixel, b), a) in out.lanes_mut(ndarray::Axis(2)).into_iter().zip(before).zip(after) {
-        pixel.mapv_inplace(|v| {
-            let moved = v + (a - b);
-            if moved.is_finite() { moved.clamp(0.0, 1.0) } else { 0.0 }
-        });
-    }
-    out
 }

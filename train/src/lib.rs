@@ -3,7 +3,8 @@
 //! min over D = [Dh; Dl] and codes α of ½‖X − Dα‖² + λ‖α‖₁ (or at most `nonzeros` non-zeros a pair), where a column of X
 //! stacks the normalised low features and the scaled residual of one pair. Three ways to the minimum ([`Algorithm`]); then
 //! Dh by least squares on the codes that eq. (4) gives, both refined together through the active set ([`refine`]), and
-//! regressors anchored in the feature space for the fast path ([`anchored`]).
+//! regressors anchored in the feature space for the fast path ([`anchored`]) and,
+//! where it is asked for, a small network ([`network`]).
 //!
 //! Nothing here prints. The same photos, parameters and seed give the same dictionary on any number of threads, and a
 //! run resumed from its checkpoint gives what the uninterrupted run gives.
@@ -14,6 +15,7 @@ mod checkpoint;
 mod data;
 pub mod ksvd;
 pub mod linear;
+pub mod network;
 pub mod online;
 mod parameters;
 pub mod refine;
@@ -21,6 +23,7 @@ mod run;
 mod statistics;
 
 pub use data::Data;
+pub use network::NetworkParameters;
 pub use parameters::{Algorithm, Coupling, Parameters};
 pub use run::{Epoch, Outcome, train, train_on};
 

@@ -3,7 +3,7 @@
 use lenslet_core::dictionary::{Base, Footprint, Storage};
 use serde::{Deserialize, Serialize};
 
-use super::Error;
+use super::{Error, NetworkParameters};
 
 /// How the dictionary of eq. (3) is learned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -61,6 +61,7 @@ pub enum Coupling {
 /// | `linear_light` | false | photos hold linear light, not sRGB-encoded values | |
 /// | `memory` | 4 | GiB that pairs and crops may take: fewer pairs where they would not fit | 0.05 … 1024 |
 /// | `storage` | i8 | how anchored maps are stored | |
+/// | `network` | none | a network beside the dictionary: see [`NetworkParameters`] | |
 /// | `seed` | 1 | seed of the ChaCha8 generators | |
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -100,6 +101,8 @@ pub struct Parameters {
     #[serde(skip_serializing_if = "usual")]
     pub memory: f64,
     pub storage: Storage,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub network: Option<NetworkParameters>,
     pub seed: u64,
 }
 
@@ -149,6 +152,7 @@ impl Default for Parameters {
             linear_light: false,
             memory: MEMORY,
             storage: Storage::I8,
+            network: None,
             seed: 1,
         }
     }
@@ -194,6 +198,10 @@ impl Parameters {
         within("neighbours", self.neighbours, 16, 1_000_000)?;
         within("ridge", self.ridge, 1e-6, 1e6)?;
         within("memory", self.memory, 0.05, 1024.0)?;
+        self.network.as_ref().map_or(Ok(()), NetworkParameters::check)?;
+        if self.base != Some(Base::Multiview) && self.network.as_ref().is_some_and(|n| !n.beside.is_empty()) {
+            return Err(Error::Parameter("network: images beside the low one need the base multiview".into()));
+        }
         if self.held_out == 1 {
             return Err(Error::Parameter("held_out 1 would leave no photo to learn from".into()));
         }
@@ -209,9 +217,20 @@ impl Parameters {
     pub fn pairs_within(&self, crop_bytes: usize) -> usize {
         let copies = if self.coupling == Coupling::Joint || self.with_linear { 2.0 } else { 1.5 };
         let each = copies * 4.0 * (self.features + self.patch * self.patch) as f64;
-        // A fifth is for statistics, codes in work and everything else.
-        let left = (0.8 * self.memory * f64::from(1u32 << 30) - crop_bytes as f64).max(0.0);
-        self.pairs.min((left / each) as usize)
+        self.pairs.min((self.left(crop_bytes) / each) as usize)
+    }
+
+    /// Pairs of a network that `memory` allows beside crops of `crop_bytes`: their inputs twice, their targets once.
+    #[must_use]
+    pub fn network_pairs_within(&self, network: &NetworkParameters, crop_bytes: usize) -> usize {
+        let inputs = network.features.iter().sum::<usize>() + 1;
+        let each = 4.0 * (2 * inputs + network.patch * network.patch) as f64;
+        network.pairs.min((self.left(crop_bytes) / each) as usize)
+    }
+
+    /// Bytes of `memory` beside crops; a fifth is for statistics, codes in work and everything else.
+    fn left(&self, crop_bytes: usize) -> f64 {
+        (0.8 * self.memory * f64::from(1u32 << 30) - crop_bytes as f64).max(0.0)
     }
 }
 

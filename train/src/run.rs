@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::checkpoint::{self, Checkpoint, Key, Stage};
 use super::data::{self, Data};
-use super::{Algorithm, Coupling, Error, Parameters, anchored, atoms, ksvd, linear, online, refine};
+use super::{Algorithm, Coupling, Error, Parameters, anchored, atoms, ksvd, linear, network, online, refine};
 
 /// One epoch's news.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -37,6 +37,9 @@ pub struct Epoch {
     pub held_out_psnr: Option<f64>,
     /// PSNR of their low images.
     pub low_psnr: Option<f64>,
+    /// PSNR by the network, of a finished pass that has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub network_psnr: Option<f64>,
     /// Seconds since the run (or its resumption) began.
     pub seconds: f64,
 }
@@ -133,7 +136,10 @@ fn recipe(parameters: &Parameters, key: &Key, trace: &[Epoch]) -> Result<Recipe,
     let mut scores = serde_json::Map::new();
     for e in trace.iter().filter(|e| e.stage == "done") {
         // Times differ from run to run, the file must not: only scores go in.
-        let value = serde_json::json!({ "low": e.low_psnr, "learned": e.held_out_psnr });
+        let mut value = serde_json::json!({ "low": e.low_psnr, "learned": e.held_out_psnr });
+        if let Some(psnr) = e.network_psnr {
+            value["network"] = psnr.into();
+        }
         scores.insert(format!("held-out PSNR, {}, pass {}", e.footprint, e.pass), value);
     }
     Ok(Recipe {
@@ -211,8 +217,7 @@ impl Run<'_> {
             .map(|c| {
                 self.check()?;
                 self.observer.advance(1);
-                let low = reconstructor.plane(c.low.view())?;
-                Ok(Crop { photo: c.photo, high: c.high.clone(), low })
+                Ok(Crop { low: reconstructor.plane(c.low.view())?, ..c.clone() })
             })
             .collect()
     }
@@ -286,7 +291,7 @@ impl Run<'_> {
                     Some(high) => scorer.score(&low, &high)?,
                     None => None,
                 };
-                self.report(footprint, number, "learn", done, summary, psnr, scorer.low);
+                self.report(footprint, number, "learn", done, summary, psnr, scorer.low, None);
                 self.state.stage = Some(Stage::Learn(done, state.clone()));
                 self.save();
             }
@@ -316,19 +321,39 @@ impl Run<'_> {
             done += 1;
             let psnr = scorer.score(&state.low, &state.high)?;
             let summary = online::Summary { objective, nonzeros, replaced: 0 };
-            self.report(footprint, number, "refine", done, summary, psnr, scorer.low);
+            self.report(footprint, number, "refine", done, summary, psnr, scorer.low, None);
             self.state.stage = Some(Stage::Refine(done, state.clone()));
             self.save();
         }
         let high = if p.refine > 0 { self.fit_high(&state.low, &problem)? } else { state.high };
         let psnr = scorer.score(&state.low, &high)?;
-        let anchored = self.anchors(&ready)?;
-        self.report(footprint, number, "done", 0, online::Summary::default(), psnr, scorer.low);
-        let mut pass = scorer.pass;
+        let mut pass = scorer.pass.clone();
+        pass.anchored = self.anchors(&ready)?;
+        drop(ready);
         pass.low = state.low;
         pass.high = high;
-        pass.anchored = anchored;
+        pass.network = self.network(footprint, train)?;
+        let by_network =
+            if pass.network.is_some() { scorer.score_pass(pass.clone(), dictionary::Path::Network)? } else { None };
+        self.report(footprint, number, "done", 0, online::Summary::default(), psnr, scorer.low, by_network);
         Ok(pass)
+    }
+
+    fn network(&self, footprint: Footprint, crops: &[Crop]) -> Result<Option<dictionary::Network>, Error> {
+        let p = self.parameters;
+        let Some(wanted) = &p.network else { return Ok(None) };
+        let most = p.network_pairs_within(wanted, crop_bytes(crops));
+        if most < wanted.pairs {
+            let (pairs, memory) = (wanted.pairs, p.memory);
+            self.observer.note(&format!("network: {most} pairs instead of {pairs}: more do not fit into {memory} GiB"));
+        }
+        self.observer.begin(&format!("{footprint}: network"), (wanted.epochs * most.min(wanted.pairs)) as u64);
+        let mut step = |n: usize| {
+            self.observer.advance(n as u64);
+            self.check()
+        };
+        let learned = network::learn(crops, wanted, p.emphasis, most, p.seed, &mut self.rng(0x4000), &mut step)?;
+        Ok(Some(learned))
     }
 
     fn fit_high(&self, low: &Array2<f32>, problem: &refine::Problem<'_>) -> Result<Array2<f32>, Error> {
@@ -362,8 +387,7 @@ impl Run<'_> {
         let p = self.parameters;
         self.observer.begin("pairs", 0);
         let (filters, _) = pairs::learn_filters(crops, p.window, p.features)?;
-        let crop_bytes = crops.iter().map(|c| 4 * (c.high.len() + c.low.len())).sum();
-        let most = p.pairs_within(crop_bytes);
+        let most = p.pairs_within(crop_bytes(crops));
         if most < p.pairs {
             self.observer.note(&format!("{most} pairs instead of {}: more do not fit into {} GiB", p.pairs, p.memory));
         }
@@ -421,6 +445,7 @@ impl Run<'_> {
         summary: online::Summary,
         psnr: Option<f64>,
         low: Option<f64>,
+        by_network: Option<f64>,
     ) {
         let news = Epoch {
             footprint,
@@ -432,11 +457,13 @@ impl Run<'_> {
             replaced: summary.replaced,
             held_out_psnr: psnr,
             low_psnr: low,
+            network_psnr: by_network,
             seconds: self.started.elapsed().as_secs_f64(),
         };
         let decibels = |v: Option<f64>| v.map_or("none".into(), |v| format!("{v:.3} dB"));
+        let network = by_network.map_or(String::new(), |v| format!(", by the network {v:.3} dB"));
         self.observer.note(&format!(
-            "{footprint}, pass {}, {stage} {epoch}: objective {:.6}, {:.2} non-zeros, {} replaced, held-out {} (low image {}), {:.0} s",
+            "{footprint}, pass {}, {stage} {epoch}: objective {:.6}, {:.2} non-zeros, {} replaced, held-out {}{network} (low image {}), {:.0} s",
             number + 1,
             summary.objective,
             summary.nonzeros,
@@ -448,6 +475,10 @@ impl Run<'_> {
         (self.log)(&news);
         self.state.trace.push(news);
     }
+}
+
+fn crop_bytes(crops: &[Crop]) -> usize {
+    crops.iter().map(|c| 4 * c.high.len() * (2 + c.beside.len())).sum()
 }
 
 /// The weight of the targets in a stacked pair: both halves get the same mean energy.
@@ -508,6 +539,7 @@ impl<'a> Scorer<'a> {
             linear: ready.linear.clone(),
             with_linear: p.with_linear,
             anchored: None,
+            network: None,
         };
         // A few crops are enough to see which way it goes.
         let crops = &crops[..crops.len().min(6)];
@@ -518,13 +550,17 @@ impl<'a> Scorer<'a> {
     }
 
     fn score(&self, low: &Array2<f32>, high: &Array2<f32>) -> Result<Option<f64>, Error> {
+        self.score_pass(Pass { low: low.clone(), high: high.clone(), ..self.pass.clone() }, dictionary::Path::Lasso)
+    }
+
+    fn score_pass(&self, pass: Pass, path: dictionary::Path) -> Result<Option<f64>, Error> {
         let mut model = self.model.clone();
-        model.passes.push(Pass { low: low.clone(), high: high.clone(), ..self.pass.clone() });
-        let options = Options { step: 3.min(self.pass.patch), ..Options::default() };
+        model.passes.push(pass);
+        let options = Options { path, step: 3.min(self.pass.patch), ..Options::default() };
         let reconstructor = Reconstructor::new(&model, &options)?;
         let mut errors = Vec::new();
         for crop in self.crops {
-            errors.push(error(&reconstructor.plane(crop.low.view())?, &crop.high));
+            errors.push(error(&reconstructor.plane_beside(crop.low.view(), &crop.beside)?, &crop.high));
         }
         Ok(mean_psnr(errors.into_iter()))
     }

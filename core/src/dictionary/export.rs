@@ -24,6 +24,13 @@ fn matrices(dictionary: &Dictionary) -> Vec<(String, ArrayViewD<'_, f32>)> {
                 all.push((name("anchors"), a.anchors.view().into_dyn()));
                 all.push((name("maps"), a.maps.view().into_dyn()));
             }
+            if let Some(n) = &pass.network {
+                all.push((name("network.filters"), n.filters.view().into_dyn()));
+                for (k, layer) in n.layers.iter().enumerate() {
+                    all.push((name(&format!("network.{k}.weights")), layer.weights.view().into_dyn()));
+                    all.push((name(&format!("network.{k}.bias")), layer.bias.view().into_dyn()));
+                }
+            }
         }
     }
     all
@@ -42,6 +49,17 @@ fn metadata(dictionary: &Dictionary) -> Result<Vec<(String, String)>, Error> {
             let (s, p, floor, lambda, linear) = (pass.support, pass.patch, pass.floor, pass.lambda, pass.with_linear);
             let text = format!("support {s}, patch {p}, floor {floor}, lambda {lambda}, with_linear {linear}");
             all.push((format!("{i}.{j}"), text));
+            if let Some(n) = &pass.network {
+                let beside: Vec<String> = n.beside.iter().map(ToString::to_string).collect();
+                let text = format!(
+                    "support {}, floor {}, filters {:?} of the low image and of its differences to: {}",
+                    n.support,
+                    n.floor,
+                    n.shares,
+                    beside.join(", ")
+                );
+                all.push((format!("{i}.{j}.network"), text));
+            }
         }
     }
     Ok(all)

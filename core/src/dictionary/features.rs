@@ -123,31 +123,47 @@ pub fn learn_filters(
     if features == 0 || features > support * support {
         return Err(Error::Parameter(format!("{features} features of a window of {window} pixels")));
     }
-    let gradients = operator.dot(&moments).dot(&operator.t());
-    let n = gradients.nrows();
-    let matrix = Mat::from_fn(n, n, |i, j| 0.5 * (gradients[[i, j]] + gradients[[j, i]]));
+    let (components, kept) = components(&operator.dot(&moments).dot(&operator.t()), features)?;
+    let mut filters = components.dot(&operator);
+    filters.rows_mut().into_iter().for_each(upright);
+    Ok((filters.mapv(|v| v as f32), kept))
+}
+
+/// Filters that are the `features` strongest principal components of the windows themselves (second moments as in
+/// [`learn_filters`]), and the part of their energy that these keep.
+///
+/// # Errors
+/// As [`learn_filters`].
+pub fn learn_components(moments: ArrayView2<'_, f64>, features: usize) -> Result<(Array2<f32>, f64), Error> {
+    if features == 0 || features > moments.nrows() || !moments.is_square() {
+        return Err(Error::Parameter(format!("{features} components of moments of shape {:?}", moments.dim())));
+    }
+    let (mut filters, kept) = components(&moments.to_owned(), features)?;
+    filters.rows_mut().into_iter().for_each(upright);
+    Ok((filters.mapv(|v| v as f32), kept))
+}
+
+/// The strongest principal components as rows, and the part of the energy that they keep.
+fn components(moments: &Array2<f64>, count: usize) -> Result<(Array2<f64>, f64), Error> {
+    let n = moments.nrows();
+    let matrix = Mat::from_fn(n, n, |i, j| 0.5 * (moments[[i, j]] + moments[[j, i]]));
     let (values, vectors) = eigen(&matrix)?;
     let total: f64 = values.iter().filter(|v| v.is_finite() && **v > 0.0).sum();
     let mut order: Vec<usize> = (0..n).collect();
     order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
-    let kept: f64 = order[..features].iter().map(|&i| values[i]).sum();
+    let kept: f64 = order[..count].iter().map(|&i| values[i]).sum();
     if !(total > 0.0 && kept.is_finite()) {
         return Err(Error::Parameter("the training windows have no gradients: photos of one colour?".into()));
     }
-    let mut filters = Array2::zeros((features, support * support));
-    for (mut row, &component) in filters.rows_mut().into_iter().zip(&order) {
-        for i in 0..n {
-            let v = vectors[(i, component)];
-            for (f, o) in row.iter_mut().zip(operator.row(i)) {
-                *f += v * o;
-            }
-        }
-        let peak = row.iter().fold(0.0f64, |a: f64, &b: &f64| if b.abs() > a.abs() { b } else { a });
-        if peak < 0.0 {
-            row.mapv_inplace(|v| -v);
-        }
+    Ok((Array2::from_shape_fn((count, n), |(i, j)| vectors[(j, order[i])]), kept / total))
+}
+
+/// Turns a filter so that its largest entry is positive.
+fn upright(mut row: ndarray::ArrayViewMut1<'_, f64>) {
+    let peak = row.iter().fold(0.0f64, |a: f64, &b: &f64| if b.abs() > a.abs() { b } else { a });
+    if peak < 0.0 {
+        row.mapv_inplace(|v| -v);
     }
-    Ok((filters.mapv(|v| v as f32), kept / total))
 }
 
 /// Eigenvalues and, as columns, eigenvectors, on this thread only: results must not depend on how many there are.

@@ -6,9 +6,11 @@
 //! | 4 | format version, little-endian |
 //! | 4 | codec of the header: 1 = bincode 2, standard configuration |
 //! | 8 | length of the header |
-//! | … | header: tool, recipe (JSON text), models, table of matrices, SHA-256 of the payload |
+//! | … | header: tool, recipe (JSON text), models, table of matrices, SHA-256 of the payload; version 3: then the networks |
 //! | … | zeros up to a multiple of 64, then the payload: matrices, each at a multiple of 64 |
-//! | 32 | SHA-256 of everything before it (version 2; version 1 ends with the payload and guards only that) |
+//! | 32 | SHA-256 of everything before it (since version 2; version 1 ends with the payload and guards only that) |
+//!
+//! A dictionary without networks is written as version 2.
 
 use std::cell::Cell;
 use std::io::Read;
@@ -18,10 +20,14 @@ use ndarray::{Array2, Array3};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::{Anchored, Base, Dictionary, Error, Footprint, Model, Pass, Recipe, Storage, limits, validate};
+use super::{
+    Anchored, Base, Dictionary, Error, Footprint, Layer, Model, Network, Pass, Recipe, Storage, limits, validate,
+};
 
-/// The version of the format that this library writes; it reads version 1 as well.
-pub const FORMAT_VERSION: u32 = 2;
+/// The latest version of the format; this library reads all from 1.
+pub const FORMAT_VERSION: u32 = 3;
+/// Since this version networks follow the header.
+const NETWORKS: u32 = 3;
 /// Since this version the file ends with a hash over everything before it.
 const SEALED: u32 = 2;
 /// Bytes of that hash.
@@ -57,6 +63,18 @@ struct PassHeader {
     lambda: f32,
     with_linear: bool,
     anchored: bool,
+}
+
+/// What stands behind the header since version 3, one for every pass that has a network.
+#[derive(Debug, Serialize, Deserialize)]
+struct NetworkHeader {
+    model: u32,
+    pass: u32,
+    support: u32,
+    floor: f32,
+    beside: Vec<Base>,
+    shares: Vec<u32>,
+    layers: u32,
 }
 
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -112,7 +130,7 @@ impl Payload {
 pub fn to_bytes(dictionary: &Dictionary) -> Result<Vec<u8>, Error> {
     validate(dictionary)?;
     let mut payload = Payload::default();
-    let mut models = Vec::new();
+    let (mut models, mut networks) = (Vec::new(), Vec::new());
     for (i, model) in dictionary.models.iter().enumerate() {
         let mut passes = Vec::new();
         for (j, pass) in model.passes.iter().enumerate() {
@@ -128,6 +146,23 @@ pub fn to_bytes(dictionary: &Dictionary) -> Result<Vec<u8>, Error> {
                     Storage::F32 => payload.f32s(name("maps"), a.maps.shape(), a.maps.iter()),
                     Storage::I8 => payload.i8s(&name("maps"), &a.maps),
                 }
+            }
+            if let Some(n) = &pass.network {
+                payload.f32s(name("network.filters"), n.filters.shape(), n.filters.iter());
+                for (k, layer) in n.layers.iter().enumerate() {
+                    let name = |what: &str| name(&format!("network.{k}.{what}"));
+                    payload.f32s(name("weights"), layer.weights.shape(), layer.weights.iter());
+                    payload.f32s(name("bias"), &[1, layer.bias.len()], layer.bias.iter());
+                }
+                networks.push(NetworkHeader {
+                    model: i as u32,
+                    pass: j as u32,
+                    support: n.support as u32,
+                    floor: n.floor,
+                    beside: n.beside.clone(),
+                    shares: n.shares.iter().map(|&s| s as u32).collect(),
+                    layers: n.layers.len() as u32,
+                });
             }
             passes.push(PassHeader {
                 support: pass.support as u32,
@@ -148,14 +183,18 @@ pub fn to_bytes(dictionary: &Dictionary) -> Result<Vec<u8>, Error> {
         tables: payload.tables,
         sha256: Sha256::digest(&payload.bytes).into(),
     };
-    let header =
-        bincode::serde::encode_to_vec(&header, configuration()).map_err(|e| Error::Parameter(e.to_string()))?;
+    let encode_error = |e: bincode::error::EncodeError| Error::Parameter(e.to_string());
+    let mut header = bincode::serde::encode_to_vec(&header, configuration()).map_err(encode_error)?;
+    let version = if networks.is_empty() { NETWORKS - 1 } else { NETWORKS };
+    if version >= NETWORKS {
+        header.extend(bincode::serde::encode_to_vec(&networks, configuration()).map_err(encode_error)?);
+    }
     if header.len() > limits::HEADER {
         return Err(Error::Parameter(format!("the recipe takes {} bytes, too many", header.len())));
     }
     let mut bytes = Vec::with_capacity(FIXED + header.len() + ALIGN + payload.bytes.len() + SEAL);
     bytes.extend_from_slice(&MAGIC);
-    bytes.extend_from_slice(&FORMAT_VERSION.to_le_bytes());
+    bytes.extend_from_slice(&version.to_le_bytes());
     bytes.extend_from_slice(&CODEC_BINCODE.to_le_bytes());
     bytes.extend_from_slice(&(header.len() as u64).to_le_bytes());
     bytes.extend_from_slice(&header);
@@ -231,9 +270,16 @@ pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Dictionary, Error> {
     let length = u64::from_le_bytes(number(bytes, 16).ok_or_else(short)?);
     let length = usize::try_from(length).ok().filter(|&l| l <= limits::HEADER);
     let length = length.ok_or_else(|| malformed("its header is too long".into()))?;
-    let header = bytes.get(FIXED..FIXED + length).ok_or_else(short)?;
-    let (header, used): (Header, usize) = bincode::serde::decode_from_slice(header, configuration())
-        .map_err(|e| malformed(format!("its header cannot be read ({e})")))?;
+    let encoded = bytes.get(FIXED..FIXED + length).ok_or_else(short)?;
+    let unread = |e: bincode::error::DecodeError| malformed(format!("its header cannot be read ({e})"));
+    let (header, mut used): (Header, usize) =
+        bincode::serde::decode_from_slice(encoded, configuration()).map_err(unread)?;
+    let mut networks: Vec<NetworkHeader> = Vec::new();
+    if version >= NETWORKS {
+        let more;
+        (networks, more) = bincode::serde::decode_from_slice(&encoded[used..], configuration()).map_err(unread)?;
+        used += more;
+    }
     if used != length {
         return Err(malformed("its header has bytes left over".into()));
     }
@@ -244,7 +290,12 @@ pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Dictionary, Error> {
     let recipe: Recipe =
         serde_json::from_str(&header.recipe).map_err(|e| malformed(format!("its recipe cannot be read ({e})")))?;
     let reader = Reader { payload, tables: &header.tables, left: Cell::new(payload.len()) };
-    let models = models(&header, &reader).map_err(malformed)?;
+    let mut models = models(&header, &reader).map_err(malformed)?;
+    for header in &networks {
+        let pass = models.get_mut(header.model as usize).and_then(|m| m.passes.get_mut(header.pass as usize));
+        let pass = pass.ok_or_else(|| malformed("a network of no pass".into()))?;
+        pass.network = Some(network(header, &reader).map_err(malformed)?);
+    }
     let dictionary = Dictionary { recipe, storage: header.storage, models };
     validate(&dictionary).map_err(|e| malformed(e.to_string()))?;
     Ok(dictionary)
@@ -340,6 +391,7 @@ fn models(header: &Header, reader: &Reader<'_>) -> Result<Vec<Model>, String> {
                 linear: reader.matrix(&name("linear"))?,
                 with_linear: pass.with_linear,
                 anchored,
+                network: None,
             });
         }
         models.push(Model { footprint: model.footprint, base: model.base, pitch: model.pitch, passes });
@@ -347,10 +399,52 @@ fn models(header: &Header, reader: &Reader<'_>) -> Result<Vec<Model>, String> {
     Ok(models)
 }
 
+fn network(header: &NetworkHeader, reader: &Reader<'_>) -> Result<Network, String> {
+    let name = |what: &str| format!("{}.{}.network.{what}", header.model, header.pass);
+    if header.layers as usize > limits::PARTS || header.support as usize > limits::SIDE {
+        return Err(format!("a network of {} layers and windows of {} pixels", header.layers, header.support));
+    }
+    let mut layers = Vec::new();
+    for k in 0..header.layers {
+        let bias = reader.matrix(&name(&format!("{k}.bias")))?;
+        layers
+            .push(Layer { weights: reader.matrix(&name(&format!("{k}.weights")))?, bias: bias.flatten().into_owned() });
+    }
+    Ok(Network {
+        support: header.support as usize,
+        beside: header.beside.clone(),
+        shares: header.shares.iter().map(|&s| s as usize).collect(),
+        filters: reader.matrix(&name("filters"))?,
+        floor: header.floor,
+        layers,
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dictionary::network::tests::random;
     use crate::dictionary::tests::small;
+
+    /// A dictionary with a network, which version 3 is written for.
+    fn with_network() -> Dictionary {
+        let mut dictionary = small(1);
+        dictionary.models[0].passes[0].network = Some(random(5, &[Base::Barycentric, Base::Cubic]));
+        dictionary
+    }
+
+    #[test]
+    fn networks_come_back_and_need_version_3() {
+        let bytes = to_bytes(&with_network()).unwrap();
+        assert_eq!((bytes[8], to_bytes(&small(1)).unwrap()[8]), (3, 2));
+        assert_eq!(from_bytes(&bytes, "t").unwrap(), with_network());
+        for n in (0..bytes.len()).step_by(7) {
+            assert!(from_bytes(&bytes[..n], "t").is_err(), "{n} of {} bytes", bytes.len());
+        }
+        let mut bad = with_network();
+        bad.models[0].passes[0].network.as_mut().unwrap().shares[0] += 1;
+        assert!(to_bytes(&bad).is_err());
+    }
     use proptest::prelude::*;
 
     #[test]

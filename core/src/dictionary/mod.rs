@@ -6,7 +6,7 @@
 //!    `F` (m × support²) are gradients of first and second order followed by their principal components (Zeyde 2010),
 //!    folded into one matrix; every row of `F` sums to zero, so the mean of the window does not matter;
 //! 2. norm: `n = max(‖f‖, floor)`, `y = f/n`;
-//! 3. code: φ = argmin ½‖y − Dlᵀφ‖² + λ‖φ‖₁ (eq. (4)), or its replacement by anchored regression (A+);
+//! 3. code: φ = argmin ½‖y − Dlᵀφ‖² + λ‖φ‖₁ (eq. (4)), or its replacement by anchored regression (A+) or a small network;
 //! 4. residual patch `n·Dhᵀφ` (`patch`² values), added to the low image where patches overlap by weighted mean.
 //!
 //! The mean of the patch comes from the low image, since the residual high − low is what is learned.
@@ -14,14 +14,16 @@
 mod export;
 mod features;
 mod file;
+mod network;
 mod reconstruct;
 
 use ndarray::{Array2, Array3};
 use serde::{Deserialize, Serialize};
 
 pub use export::{export_npy, export_safetensors};
-pub use features::{extract, gradient_operator, learn_filters, pad, windows};
+pub use features::{extract, gradient_operator, learn_components, learn_filters, pad, windows};
 pub use file::{FORMAT_VERSION, from_bytes, load, save, to_bytes};
+pub use network::{Layer, Network, extract_beside, forward, inputs, product};
 pub use reconstruct::{Options, Path, Reconstructor};
 
 /// What a sample of the low image was: the scene at a point, or its mean over the lenslet.
@@ -103,6 +105,8 @@ pub struct Pass {
     pub with_linear: bool,
     /// Anchored regressors, the fast path.
     pub anchored: Option<Anchored>,
+    /// A network, with features of its own.
+    pub network: Option<Network>,
 }
 
 /// Passes trained for one footprint; each works on the result of the one before.
@@ -308,7 +312,7 @@ fn validate_pass(pass: &Pass) -> Result<(), Error> {
             return wrong("an anchor is not a finite unit vector, or a map is not finite".into());
         }
     }
-    Ok(())
+    pass.network.as_ref().map_or(Ok(()), Network::check)
 }
 
 #[cfg(test)]
@@ -346,6 +350,7 @@ pub(crate) mod tests {
             linear: random(m, patch * patch),
             with_linear: false,
             anchored: Some(Anchored { anchors: unit(random(4, m)), maps }),
+            network: None,
         };
         let model = Model { footprint: Footprint::Point, base: Base::Barycentric, pitch: 3.3, passes: vec![pass] };
         let mut recipe = Recipe { tool: "test".into(), seed, ..Recipe::default() };

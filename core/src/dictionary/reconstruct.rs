@@ -4,7 +4,7 @@
 use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
 
-use super::{Anchored, Error, Model, Pass, extract, pad};
+use super::{Anchored, Base, Error, Model, Network, Pass, extract, pad};
 use crate::sparse;
 
 /// How the residual of a patch is found.
@@ -16,6 +16,8 @@ pub enum Path {
     Anchored,
     /// One ridge regressor for all patches.
     Linear,
+    /// The network; passes without one, or without the images that it wants beside the low one, use the LASSO code.
+    Network,
 }
 
 /// Options of reconstruction.
@@ -23,7 +25,7 @@ pub enum Path {
 pub struct Options {
     /// How residuals are found.
     pub path: Path,
-    /// Pixels between patches, 1 to the patch's side.
+    /// Pixels between patches, 1 to the patch's side (that of the network's patches where it is used).
     pub step: usize,
     /// Standard deviation of the Gaussian that weighs a patch's pixels, as a fraction of its side; infinite = all the same.
     pub spread: f32,
@@ -83,11 +85,15 @@ impl Reconstructor {
         }
         let mut solvers = Vec::new();
         for pass in &model.passes {
-            if options.step == 0 || options.step > pass.patch {
-                return wrong(format!("a step of {} pixels between patches of {}", options.step, pass.patch));
+            let patch = match (options.path, &pass.network) {
+                (Path::Network, Some(network)) => network.patch().min(pass.patch),
+                _ => pass.patch,
+            };
+            if options.step == 0 || options.step > patch {
+                return wrong(format!("a step of {} pixels between patches of {patch}", options.step));
             }
             let needed = match options.path {
-                Path::Lasso => true,
+                Path::Lasso | Path::Network => true,
                 Path::Anchored => pass.anchored.is_none(),
                 Path::Linear => false,
             };
@@ -109,9 +115,32 @@ impl Reconstructor {
     /// # Errors
     /// Only what the sparse solver reports.
     pub fn plane(&self, low: ArrayView2<'_, f32>) -> Result<Array2<f32>, Error> {
-        let low = low.mapv(|v| if v.is_finite() { v } else { 0.0 });
+        self.plane_beside(low, &[])
+    }
+
+    /// The images that the network in use wants beside the low one; none where the path is another.
+    #[must_use]
+    pub fn beside(&self) -> &[Base] {
+        if self.options.path != Path::Network {
+            return &[];
+        }
+        let network = self.model.passes.iter().find_map(|p| p.network.as_ref());
+        network.map_or(&[], |n| &n.beside)
+    }
+
+    /// [`Reconstructor::plane`] with other images of the same view beside the low one, in the order of
+    /// [`Reconstructor::beside`].
+    ///
+    /// # Errors
+    /// As [`Reconstructor::plane`]; images of another size.
+    pub fn plane_beside(&self, low: ArrayView2<'_, f32>, beside: &[Array2<f32>]) -> Result<Array2<f32>, Error> {
+        let finite = |v: f32| if v.is_finite() { v } else { 0.0 };
+        let low = low.mapv(finite);
         if low.is_empty() {
             return Ok(low);
+        }
+        if let Some(other) = beside.iter().find(|b| b.dim() != low.dim()) {
+            return Err(Error::Parameter(format!("an image of {:?} beside one of {:?}", other.dim(), low.dim())));
         }
         let mut sum = Array2::<f32>::zeros(low.dim());
         for copy in 0..self.options.ensemble {
@@ -124,8 +153,14 @@ impl Reconstructor {
             };
             turn(&mut view);
             let mut current = view.as_standard_layout().into_owned();
+            let turned = |b: &Array2<f32>| {
+                let mut view = b.view();
+                turn(&mut view);
+                view.mapv(finite)
+            };
+            let beside: Vec<Array2<f32>> = beside.iter().map(turned).collect();
             for (pass, solver) in self.model.passes.iter().zip(&self.solvers) {
-                current = self.pass(pass, solver.as_ref(), &current)?;
+                current = self.pass(pass, solver.as_ref(), &current, &beside)?;
             }
             let mut result = current.view();
             turn(&mut result);
@@ -137,10 +172,22 @@ impl Reconstructor {
         Ok(sum)
     }
 
-    fn pass(&self, pass: &Pass, solver: Option<&sparse::Prepared>, low: &Array2<f32>) -> Result<Array2<f32>, Error> {
+    fn pass(
+        &self,
+        pass: &Pass,
+        solver: Option<&sparse::Prepared>,
+        low: &Array2<f32>,
+        beside: &[Array2<f32>],
+    ) -> Result<Array2<f32>, Error> {
         let (h, w) = low.dim();
-        let (step, margin, r) = (self.options.step, pass.support / 2, pass.patch / 2);
-        let padded = pad(low.view(), margin);
+        let wanted = |n: &&Network| self.options.path == Path::Network && n.beside.len() <= beside.len();
+        let network = pass.network.as_ref().filter(wanted);
+        let (side, support) = network.map_or((pass.patch, pass.support), |n| (n.patch(), n.support));
+        let (step, margin, r) = (self.options.step, support / 2, side / 2);
+        let mut padded = vec![pad(low.view(), margin)];
+        if let Some(network) = network {
+            padded.extend(beside[..network.beside.len()].iter().map(|b| pad((b - low).view(), margin)));
+        }
         let places = |n: usize| -> Vec<usize> {
             let mut p: Vec<usize> = (0..n).step_by(step).collect();
             if p.last() != Some(&(n - 1)) {
@@ -149,7 +196,7 @@ impl Reconstructor {
             p
         };
         let (ys, xs) = (places(h), places(w));
-        let weights = window(pass.patch, self.options.spread);
+        let weights = window(side, self.options.spread);
         let bands: Vec<&[usize]> = ys.chunks(BAND).collect();
         let mut sums = low.mapv(|_| 0.0f32);
         let mut totals = sums.clone();
@@ -160,8 +207,13 @@ impl Reconstructor {
                 .map(|rows| {
                     let corners: Vec<(usize, usize)> =
                         rows.iter().flat_map(|&y| xs.iter().map(move |&x| (y, x))).collect();
-                    let features = extract(&padded, pass.support, &pass.filters, &corners, &mut Vec::new());
-                    let patches = self.patches(pass, solver, &features)?;
+                    let patches = match network {
+                        Some(n) => n.residuals(&n.features(&padded, &corners, &mut Vec::new())),
+                        None => {
+                            let features = extract(&padded[0], support, &pass.filters, &corners, &mut Vec::new());
+                            self.patches(pass, solver, &features)?
+                        }
+                    };
                     let first = rows[0].saturating_sub(r);
                     let last = (rows[rows.len() - 1] + r + 1).min(h);
                     let mut part = Part {
@@ -169,7 +221,7 @@ impl Reconstructor {
                         sums: Array2::zeros((last - first, w)),
                         totals: Array2::zeros((last - first, w)),
                     };
-                    part.add(pass.patch, &weights, &patches, &corners);
+                    part.add(side, &weights, &patches, &corners);
                     Ok(part)
                 })
                 .collect();
@@ -200,7 +252,7 @@ impl Reconstructor {
                 let lambda = self.options.lambda.unwrap_or(pass.lambda);
                 lasso(pass, solver, features, lambda, self.options.flat)
             }
-            (Path::Lasso, _, None) => Err(Error::Parameter("the dictionary was not prepared".into())),
+            (Path::Lasso | Path::Network, _, None) => Err(Error::Parameter("the dictionary was not prepared".into())),
         }
     }
 }
@@ -361,6 +413,7 @@ pub(crate) fn nearest(anchors: &Array2<f32>, features: &Array2<f32>) -> Vec<u32>
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dictionary::network::tests::random;
     use crate::dictionary::tests::small;
 
     fn plane(h: usize, w: usize) -> Array2<f32> {
@@ -380,7 +433,7 @@ mod tests {
                 let f = extract(&padded, pass.support, &pass.filters, &[(y, x)], &mut Vec::new());
                 let norm = f.row(0).dot(&f.row(0)).sqrt().max(pass.floor);
                 let patch = match path {
-                    Path::Linear => f.row(0).dot(&pass.linear),
+                    Path::Linear | Path::Network => f.row(0).dot(&pass.linear),
                     Path::Anchored => {
                         let a = pass.anchored.as_ref().unwrap();
                         let c = a.anchors.dot(&f.row(0)).mapv(f32::abs);
@@ -427,6 +480,49 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn the_network_stands_in_for_the_code_where_it_has_its_images() {
+        let mut model = small(4).models[0].clone();
+        let lasso = Reconstructor::new(&model, &Options::default()).unwrap();
+        let options = Options { path: Path::Network, step: 1, ..Options::default() };
+        let low = plane(21, 26);
+        let other = low.mapv(|v| v * v);
+        let plain = Reconstructor::new(&model, &Options { step: 1, ..Options::default() }).unwrap();
+        // Without a network the code.
+        let without = Reconstructor::new(&model, &options).unwrap();
+        assert!(without.beside().is_empty());
+        assert_eq!(without.plane(low.view()).unwrap(), plain.plane(low.view()).unwrap());
+        let network = random(5, &[Base::Cubic]);
+        model.passes[0].network = Some(network.clone());
+        let r = Reconstructor::new(&model, &options).unwrap();
+        assert_eq!((r.beside(), lasso.beside()), (&[Base::Cubic][..], &[][..]));
+        assert_eq!(r.plane(low.view()).unwrap(), plain.plane(low.view()).unwrap());
+        assert!(r.plane_beside(low.view(), &[plane(3, 3)]).is_err());
+        assert!(Reconstructor::new(&model, &Options { step: 4, ..options.clone() }).is_err());
+        // With it, the mean of the patches that the definition gives.
+        let found = r.plane_beside(low.view(), std::slice::from_ref(&other)).unwrap();
+        let padded = [pad(low.view(), 3), pad((&other - &low).view(), 3)];
+        for (y, x) in [(0, 0), (10, 11), (20, 25), (3, 24)] {
+            let (mut sum, mut count) = (0.0, 0.0);
+            for (dy, dx) in (0..9).map(|i| (i / 3, i % 3)) {
+                let (Some(v), Some(u)) = ((y + dy as usize).checked_sub(1), (x + dx as usize).checked_sub(1)) else {
+                    continue;
+                };
+                if v < 21 && u < 26 {
+                    let patch = network.residuals(&network.features(&padded, &[(v, u)], &mut Vec::new()));
+                    sum += patch[[0, 8 - (3 * dy as usize + dx as usize)]];
+                    count += 1.0;
+                }
+            }
+            assert!((found[[y, x]] - low[[y, x]] - sum / count).abs() < 1e-4, "{y} {x}");
+        }
+        // Nothing is made of nothing.
+        let flat = Array2::from_elem((15, 15), 0.4f32);
+        assert!(
+            r.plane_beside(flat.view(), std::slice::from_ref(&flat)).unwrap().iter().all(|v| (v - 0.4).abs() < 1e-3)
+        );
     }
 
     #[test]

@@ -9,8 +9,8 @@ use lenslet_core::calibration::{Calibration, Grid, Lattice, Lenslet, Origin, Qua
 use lenslet_core::container::segments::Container;
 use lenslet_core::container::{CameraFacts, Capture, Cfa, ColourFacts, Levels, MlaHint, RawMosaic, write_lfp};
 use lenslet_core::decode::HexSamples;
-use lenslet_core::dictionary::{Anchored, Base, Dictionary, Footprint, Model, Pass, Recipe, Storage};
-use ndarray::{Array2, Array3};
+use lenslet_core::dictionary::{Anchored, Base, Dictionary, Footprint, Layer, Model, Network, Pass, Recipe, Storage};
+use ndarray::{Array1, Array2, Array3};
 
 /// A capture of 16×16 pixels.
 pub fn capture() -> Capture {
@@ -189,6 +189,17 @@ pub fn small_dictionary() -> Dictionary {
         linear: Array2::from_elem((4, 9), 0.125),
         with_linear: true,
         anchored: Some(Anchored { anchors: unit(3), maps: Array3::from_elem((3, 4, 9), 0.5) }),
+        network: Some(Network {
+            support: 5,
+            beside: vec![Base::Cubic],
+            shares: vec![2, 1],
+            filters: Array2::from_shape_fn((3, 25), |(r, c)| (r + c) as f32 * 0.01),
+            floor: 0.1,
+            layers: vec![
+                Layer { weights: Array2::from_elem((2, 4), 0.5), bias: Array1::from_elem(2, 0.125) },
+                Layer { weights: Array2::from_elem((9, 2), 0.25), bias: Array1::zeros(9) },
+            ],
+        }),
     };
     let recipe = Recipe { tool: "test".into(), algorithm: "ksvd".into(), ..Recipe::default() };
     let model = Model { footprint: Footprint::Lenslet, base: Base::Barycentric, pitch: 3.29, passes: vec![pass] };

@@ -45,6 +45,8 @@ pub struct Crop {
     pub high: Array2<f32>,
     /// The low image.
     pub low: Array2<f32>,
+    /// Other images of the same view, for networks that look at them beside the low one; none as a rule.
+    pub beside: Vec<Array2<f32>>,
 }
 
 /// Border that interpolation beyond the outermost samples spoils, pixels; cut off crops.
@@ -163,7 +165,8 @@ pub fn crops(
             let low = degrade(high.view(), degradation, &mut rng)?;
             let (h, w) = high.dim();
             let inner = s![BORDER..h - BORDER, BORDER..w - BORDER];
-            Ok(Crop { photo: index, high: high.slice(inner).to_owned(), low: low.slice(inner).to_owned() })
+            let cut = |plane: &Array2<f32>| plane.slice(inner).to_owned();
+            Ok(Crop { photo: index, high: cut(&high), low: cut(&low), beside: Vec::new() })
         })
         .collect()
 }

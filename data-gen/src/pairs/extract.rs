@@ -1,6 +1,6 @@
 //! Patch pairs out of crops (paper section 4.4, after its ref. [22]): features of the low image and the residual high − low.
 
-use lenslet_core::dictionary::{self, extract, pad, windows};
+use lenslet_core::dictionary::{self, extract, extract_beside, pad, windows};
 use ndarray::Array2;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -70,20 +70,44 @@ fn check(options: &PatchOptions) -> Result<(), Error> {
 /// No crops, parameters out of range, or crops without any gradient.
 pub fn learn_filters(crops: &[Crop], window: usize, features: usize) -> Result<(Array2<f32>, f64), Error> {
     check(&PatchOptions { window, patch: 1, ..PatchOptions::default() })?;
-    let support = window + 4;
+    let moments = moments(crops, window + 4, &|crop| crop.low.clone(), true);
+    Ok(dictionary::learn_filters(moments.view(), window, features)?)
+}
+
+/// Filters of windows of `support` pixels for the differences between image `which` beside the low one and the low one:
+/// their `features` strongest principal components, and the part of their energy that these keep.
+///
+/// # Errors
+/// Parameters out of range, crops without that image, or without a difference.
+pub fn learn_beside(
+    crops: &[Crop],
+    which: usize,
+    support: usize,
+    features: usize,
+) -> Result<(Array2<f32>, f64), Error> {
+    check(&PatchOptions { window: support.saturating_sub(4), patch: 1, ..PatchOptions::default() })?;
+    if crops.iter().any(|c| c.beside.len() <= which) {
+        return Err(Error::Parameter(format!("crops without image {which} beside the low one")));
+    }
+    let moments = moments(crops, support, &|crop| &crop.beside[which] - &crop.low, false);
+    Ok(dictionary::learn_components(moments.view(), features)?)
+}
+
+/// Second moments of windows of the planes that `of` takes from the crops, without their means where `centred`.
+fn moments(crops: &[Crop], support: usize, of: &(dyn Fn(&Crop) -> Array2<f32> + Sync), centred: bool) -> Array2<f64> {
     let n = support * support;
     // Enough windows for the moments, wherever they come from: every 9th pixel of every crop.
     let parts: Vec<Array2<f64>> = crops
         .par_iter()
         .map(|crop| {
-            let padded = pad(crop.low.view(), support / 2);
+            let padded = pad(of(crop).view(), support / 2);
             let (h, w) = crop.low.dim();
             let corners: Vec<_> =
                 (0..h).step_by(9).flat_map(|y| (0..w).step_by(9).map(move |x| (y, x))).take(4096).collect();
             let mut values = Vec::new();
             windows(&padded, support, &corners, &mut values);
             // Gradients do not see the mean; without it the sums lose nothing to rounding.
-            for w in values.chunks_exact_mut(n) {
+            for w in values.chunks_exact_mut(if centred { n } else { usize::MAX }) {
                 let mean = w.iter().sum::<f32>() / n as f32;
                 w.iter_mut().for_each(|v| *v -= mean);
             }
@@ -93,7 +117,7 @@ pub fn learn_filters(crops: &[Crop], window: usize, features: usize) -> Result<(
         .collect();
     let mut moments = Array2::<f64>::zeros((n, n));
     parts.iter().for_each(|p| moments += p);
-    Ok(dictionary::learn_filters(moments.view(), window, features)?)
+    moments
 }
 
 /// Pairs from all crops, in order of the crops, near twins left out. Memory: the pairs once, and those of a few crops.
@@ -106,7 +130,43 @@ pub fn pairs(crops: &[Crop], filters: &Array2<f32>, options: &PatchOptions) -> R
     if filters.ncols() != support * support {
         return Err(Error::Parameter(format!("filters of shape {:?} for windows of {support}", filters.dim())));
     }
-    let (m, p) = (filters.nrows(), options.patch * options.patch);
+    let features = |crop: &Crop, centres: &[(usize, usize)]| {
+        extract(&pad(crop.low.view(), support / 2), support, filters, centres, &mut Vec::new())
+    };
+    collect(crops, filters.nrows(), &features, options)
+}
+
+/// [`pairs`] whose features are of the low image and of the differences of those beside it: the first `shares[0]` rows of
+/// `filters` (windows of `options.window` + 4 pixels) see the low image, and so on.
+///
+/// # Errors
+/// Parameters out of range, crops that lack an image.
+pub fn pairs_beside(
+    crops: &[Crop],
+    filters: &Array2<f32>,
+    shares: &[usize],
+    options: &PatchOptions,
+) -> Result<Pairs, Error> {
+    check(options)?;
+    let support = options.window + 4;
+    let fits = filters.ncols() == support * support && shares.iter().sum::<usize>() == filters.nrows();
+    if !fits || shares.is_empty() || crops.iter().any(|c| c.beside.len() + 1 < shares.len()) {
+        return Err(Error::Parameter(format!("filters of shape {:?} shared as {shares:?}", filters.dim())));
+    }
+    let features = |crop: &Crop, centres: &[(usize, usize)]| {
+        let padded = |plane: &Array2<f32>| pad(plane.view(), support / 2);
+        let beside = crop.beside[..shares.len() - 1].iter().map(|b| padded(&(b - &crop.low)));
+        let planes: Vec<Array2<f32>> = std::iter::once(padded(&crop.low)).chain(beside).collect();
+        extract_beside(&planes, support, filters, shares, centres, &mut Vec::new())
+    };
+    collect(crops, filters.nrows(), &features, options)
+}
+
+/// Features of a crop at centres of patches.
+type Features<'a> = &'a (dyn Fn(&Crop, &[(usize, usize)]) -> Array2<f32> + Sync);
+
+fn collect(crops: &[Crop], m: usize, features_of: Features<'_>, options: &PatchOptions) -> Result<Pairs, Error> {
+    let p = options.patch * options.patch;
     let most: usize = crops.iter().map(|c| options.per_crop.min(c.low.len())).sum();
     let (mut features, mut residuals) = (Vec::with_capacity(most * m), Vec::with_capacity(most * p));
     let (mut photos, mut twins) = (Vec::with_capacity(most), Twins::default());
@@ -114,7 +174,7 @@ pub fn pairs(crops: &[Crop], filters: &Array2<f32>, options: &PatchOptions) -> R
         let parts: Vec<(Array2<f32>, Array2<f32>)> = group
             .par_iter()
             .enumerate()
-            .map(|(c, crop)| of_crop(crop, (g * GROUP + c) as u64, filters, support, options))
+            .map(|(c, crop)| of_crop(crop, (g * GROUP + c) as u64, m, features_of, options))
             .collect();
         for ((f, r), crop) in parts.iter().zip(group) {
             for (f, r) in f.rows().into_iter().zip(r.rows()) {
@@ -140,22 +200,21 @@ pub fn pairs(crops: &[Crop], filters: &Array2<f32>, options: &PatchOptions) -> R
 fn of_crop(
     crop: &Crop,
     stream: u64,
-    filters: &Array2<f32>,
-    support: usize,
+    m: usize,
+    features_of: Features<'_>,
     options: &PatchOptions,
 ) -> (Array2<f32>, Array2<f32>) {
     let (h, w) = crop.low.dim();
     let (p, r) = (options.patch, options.patch / 2);
     if h < p || w < p {
-        return (Array2::zeros((0, filters.nrows())), Array2::zeros((0, p * p)));
+        return (Array2::zeros((0, m)), Array2::zeros((0, p * p)));
     }
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     rng.set_stream((1 << 63) | stream);
     let count = (options.per_crop * options.candidates).min(h * w);
     let centres: Vec<(usize, usize)> =
         (0..count).map(|_| (rng.random_range(r..h - r), rng.random_range(r..w - r))).collect();
-    let padded = pad(crop.low.view(), support / 2);
-    let features = extract(&padded, support, filters, &centres, &mut Vec::new());
+    let features = features_of(crop, &centres);
     // Textured patches first, but not only they: the norm times the root of a uniform deviate.
     let mut ranked: Vec<(f32, usize)> = features
         .rows()
@@ -189,7 +248,7 @@ mod tests {
     fn crop() -> Crop {
         let high = Array2::from_shape_fn((50, 60), |(y, x)| ((x * x + 3 * y) % 17) as f32 / 17.0);
         let low = Array2::from_shape_fn((50, 60), |(y, x)| 0.5 + 0.2 * (x as f32 * 0.4).sin() * (y as f32 * 0.3).cos());
-        Crop { photo: 5, high, low }
+        Crop { photo: 5, high, low, beside: Vec::new() }
     }
 
     #[test]
@@ -222,6 +281,32 @@ mod tests {
     }
 
     #[test]
+    fn images_beside_give_features_of_their_differences() {
+        let mut crops = [crop()];
+        let (low, _) = learn_filters(&crops, 5, 6).unwrap();
+        let options =
+            PatchOptions { patch: 3, window: 5, per_crop: 40, candidates: 1, flat: 0.0, twins: true, seed: 4 };
+        assert!(learn_beside(&crops, 0, 9, 3).is_err());
+        let other = crops[0].low.mapv(|v| v * v);
+        crops[0].beside.push(other);
+        let (beside, kept) = learn_beside(&crops, 0, 9, 3).unwrap();
+        assert!(kept > 0.1 && kept <= 1.0, "{kept}");
+        let both = ndarray::concatenate(ndarray::Axis(0), &[low.view(), beside.view()]).unwrap();
+        let found = pairs_beside(&crops, &both, &[6, 3], &options).unwrap();
+        assert_eq!(found.features.dim(), (40, 9));
+        // What the image beside is looks like a low image of its own, if nothing else is seen.
+        let difference = &crops[0].beside[0] - &crops[0].low;
+        let alone = Crop { low: difference, ..crops[0].clone() };
+        let plain = pairs(std::slice::from_ref(&alone), &beside, &options).unwrap();
+        let same = |a: &ndarray::ArrayView1<'_, f32>| {
+            found.features.rows().into_iter().any(|f| (&f.slice(ndarray::s![6..]) - a).iter().all(|d| d.abs() < 1e-4))
+        };
+        assert!(plain.features.rows().into_iter().all(|f| same(&f)));
+        assert!(pairs_beside(&crops, &both, &[6, 2], &options).is_err());
+        assert!(pairs_beside(&crops, &both, &[5, 3, 1], &options).is_err());
+    }
+
+    #[test]
     fn a_crop_given_twice_brings_nothing_new() {
         let crops = [crop(), crop()];
         let (filters, _) = learn_filters(&crops, 5, 6).unwrap();
@@ -239,7 +324,8 @@ mod tests {
 
     #[test]
     fn flat_patches_are_left_out_and_sizes_checked() {
-        let flat = Crop { photo: 0, high: Array2::from_elem((30, 30), 0.5), low: Array2::from_elem((30, 30), 0.4) };
+        let plane = |v: f32| Array2::from_elem((30, 30), v);
+        let flat = Crop { photo: 0, high: plane(0.5), low: plane(0.4), beside: Vec::new() };
         let (filters, _) = learn_filters(&[crop()], 5, 6).unwrap();
         let options = PatchOptions { patch: 3, window: 5, ..PatchOptions::default() };
         assert_eq!(pairs(std::slice::from_ref(&flat), &filters, &options).unwrap().features.nrows(), 0);

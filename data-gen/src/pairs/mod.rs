@@ -11,7 +11,7 @@ mod twins;
 mod write;
 
 pub use crop::{Crop, Degradation, crops, degrade};
-pub use extract::{Pairs, PatchOptions, learn_filters, pairs};
+pub use extract::{Pairs, PatchOptions, learn_beside, learn_filters, pairs, pairs_beside};
 pub use photo::{Kernel, Loaded, find_photos, load_photo, load_photo_in, reduce};
 pub use write::{Manifest, write};
 

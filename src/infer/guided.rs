@@ -1,0 +1,252 @@
+//! Colours of reconstructed views, guided by their luminance: colour differences follow the luminance by the guided filter
+//! (He, Sun, Tang 2013), and what they show beside it stays as far as it is more than noise (Wiener, locally).
+
+use lenslet_core::metrics::LUMINANCE;
+use ndarray::{Array2, Array3, Axis};
+use rayon::prelude::*;
+
+/// Variance of luminance below which colour does not follow it.
+const EPSILON: f32 = 3e-5;
+/// Half the side of the windows in which what is left is weighed, pixels.
+const AROUND: usize = 2;
+/// Steps of luminance in which noise is looked for.
+const STEPS: usize = 8;
+/// Of the windows of one luminance, so many show noise alone; their largest variance times `FACTOR` is taken for its own.
+const QUIET: f64 = 0.25;
+/// See [`QUIET`]: variances of small windows scatter.
+const FACTOR: f32 = 2.5;
+/// Every so many-th pixel of either axis is looked at for the noise.
+const SPARSE: usize = 3;
+
+/// The view (t, s, 3), sRGB-encoded, with the luminance `after` instead of `before`, its own. Its colour differences are smoothed
+/// in windows of 2·`radius` + 1 pixels. A view of one channel becomes `after`. Clamped to 0..1.
+pub(crate) fn with_luminance(
+    view: &Array3<f32>,
+    before: &Array2<f32>,
+    after: &Array2<f32>,
+    radius: usize,
+) -> Array3<f32> {
+    let mut out = view.clone();
+    if view.dim().2 != 3 {
+        for (mut pixel, &a) in out.lanes_mut(Axis(2)).into_iter().zip(after) {
+            pixel.fill(clamped(a));
+        }
+        return out;
+    }
+    // Two differences tell the third: weighed by the luminance's own weights they sum to nothing.
+    let difference = |k: usize| &view.index_axis(Axis(2), k) - before;
+    let [red, blue] = smooth(after, [difference(0), difference(2)], radius);
+    let [wr, wg, wb] = LUMINANCE;
+    for (((mut pixel, &a), &r), &b) in out.lanes_mut(Axis(2)).into_iter().zip(after).zip(&red).zip(&blue) {
+        pixel[0] = clamped(a + r);
+        pixel[1] = clamped(a - (wr * r + wb * b) / wg);
+        pixel[2] = clamped(a + b);
+    }
+    out
+}
+
+fn clamped(v: f32) -> f32 {
+    if v.is_finite() { v.clamp(0.0, 1.0) } else { 0.0 }
+}
+
+/// Two colour differences, guided by the luminance.
+fn smooth(guide: &Array2<f32>, differences: [Array2<f32>; 2], radius: usize) -> [Array2<f32>; 2] {
+    let finite = |v: f32| if v.is_finite() { v } else { 0.0 };
+    let guide = guide.mapv(finite);
+    let mean = boxed(guide.clone(), radius);
+    let mut variance = boxed(&guide * &guide, radius);
+    variance.zip_mut_with(&mean, |v, m| *v = (*v - m * m).max(0.0));
+    let followed: Vec<(Array2<f32>, Array2<f32>)> = differences
+        .into_par_iter()
+        .map(|difference| {
+            let difference = difference.mapv(finite);
+            let level = boxed(difference.clone(), radius);
+            let mut slope = boxed(&guide * &difference, radius);
+            ndarray::Zip::from(&mut slope).and(&mean).and(&level).and(&variance).for_each(|s, m, l, v| {
+                *s = (*s - m * l) / (v + EPSILON);
+            });
+            let mut offset = level;
+            ndarray::Zip::from(&mut offset).and(&slope).and(&mean).for_each(|o, s, m| *o -= s * m);
+            let (slope, mut guided) = (boxed(slope, radius), boxed(offset, radius));
+            ndarray::Zip::from(&mut guided).and(&slope).and(&guide).for_each(|g, s, i| *g += s * i);
+            let left = difference - &guided;
+            (guided, left)
+        })
+        .collect();
+    // What is left counts by the colours' common size, green with the others.
+    let [wr, wg, wb] = LUMINANCE;
+    let mut energy = Array2::zeros(guide.dim());
+    ndarray::Zip::from(&mut energy).and(&followed[0].1).and(&followed[1].1).for_each(|e: &mut f32, &r, &b| {
+        let g = (wr * r + wb * b) / wg;
+        *e = r * r + b * b + g * g;
+    });
+    let energy = boxed(energy, AROUND);
+    let noise = noise(&guide, &energy);
+    let share = ndarray::Zip::from(&energy).and(&guide).map_collect(|&e, &i| {
+        let n = noise[step(i)];
+        if e > n { (e - n) / e } else { 0.0 }
+    });
+    let kept = followed.into_iter().map(|(mut guided, left)| {
+        ndarray::Zip::from(&mut guided).and(&left).and(&share).for_each(|g, l, s| *g += s * l);
+        guided
+    });
+    let mut kept = kept.collect::<Vec<_>>().into_iter();
+    std::array::from_fn(|_| kept.next().unwrap_or_default())
+}
+
+fn step(luminance: f32) -> usize {
+    ((luminance.max(0.0) * STEPS as f32) as usize).min(STEPS - 1)
+}
+
+/// Energy of noise in windows, by luminance: from the quietest among windows of like luminance. Nothing where there are few.
+fn noise(guide: &Array2<f32>, energy: &Array2<f32>) -> [f32; STEPS] {
+    let mut groups: [Vec<f32>; STEPS] = Default::default();
+    for (i, e) in guide.rows().into_iter().zip(energy.rows()).step_by(SPARSE) {
+        for (&i, &e) in i.iter().zip(e).step_by(SPARSE) {
+            groups[step(i)].push(e);
+        }
+    }
+    groups.map(|mut group| {
+        let at = (group.len() as f64 * QUIET) as usize;
+        if group.len() < 16 {
+            return 0.0;
+        }
+        FACTOR * *group.select_nth_unstable_by(at, f32::total_cmp).1
+    })
+}
+
+/// Means over windows of 2·`radius` + 1 pixels a side, of what lies within the plane.
+fn boxed(mut plane: Array2<f32>, radius: usize) -> Array2<f32> {
+    let (h, w) = plane.dim();
+    if h == 0 || w == 0 {
+        return plane;
+    }
+    let mut line = vec![0.0; w];
+    for mut row in plane.rows_mut() {
+        if let Some(row) = row.as_slice_mut() {
+            means(row, radius, &mut line);
+            row.copy_from_slice(&line);
+        }
+    }
+    // Down the columns a row at a time.
+    let mut out = Array2::zeros((h, w));
+    let mut sums = vec![0.0f32; w];
+    let add = |sums: &mut [f32], y: usize, sign: f32| {
+        sums.iter_mut().zip(plane.row(y)).for_each(|(s, v)| *s += sign * v);
+    };
+    for y in 0..radius.min(h) {
+        add(&mut sums, y, 1.0);
+    }
+    for y in 0..h {
+        if y + radius < h {
+            add(&mut sums, y + radius, 1.0);
+        }
+        if y > radius {
+            add(&mut sums, y - radius - 1, -1.0);
+        }
+        let count = ((y + radius).min(h - 1) + 1 - y.saturating_sub(radius)) as f32;
+        out.row_mut(y).iter_mut().zip(&sums).for_each(|(o, s)| *o = s / count);
+    }
+    out
+}
+
+fn means(row: &[f32], radius: usize, out: &mut [f32]) {
+    let n = row.len();
+    let mut sum: f32 = row[..radius.min(n)].iter().sum();
+    for x in 0..n {
+        if x + radius < n {
+            sum += row[x + radius];
+        }
+        if x > radius {
+            sum -= row[x - radius - 1];
+        }
+        out[x] = sum / ((x + radius).min(n - 1) + 1 - x.saturating_sub(radius)) as f32;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lenslet_core::metrics::luminance;
+    use rand::rngs::ChaCha8Rng;
+    use rand::{RngExt, SeedableRng};
+
+    fn scene(noise: f32) -> (Array3<f32>, Array3<f32>) {
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let clean = Array3::from_shape_fn((90, 110, 3), |(y, x, k)| {
+            let disc = (y as f32 - 40.0).hypot(x as f32 - 50.0) < 25.0;
+            let bars = if (x / 9) % 2 == 0 { 0.15 } else { 0.0 };
+            (if disc { [0.7, 0.3, 0.2][k] } else { [0.3, 0.45, 0.5][k] }) + bars
+        });
+        // Noise in the colours alone.
+        let mut noisy = clean.clone();
+        for mut pixel in noisy.lanes_mut(Axis(2)) {
+            let (r, b) = (noise * (rng.random::<f32>() - 0.5), noise * (rng.random::<f32>() - 0.5));
+            pixel[0] += r;
+            pixel[2] += b;
+            pixel[1] -= (LUMINANCE[0] * r + LUMINANCE[2] * b) / LUMINANCE[1];
+        }
+        (clean, noisy)
+    }
+
+    fn error(a: &Array3<f32>, b: &Array3<f32>) -> f32 {
+        (a - b).mapv(|v| v * v).mean().unwrap()
+    }
+
+    #[test]
+    fn noise_of_colours_goes_and_colours_stay() {
+        let (clean, noisy) = scene(0.12);
+        let y = luminance(noisy.view());
+        let calm = with_luminance(&noisy, &y, &y, 3);
+        assert!(
+            error(&calm, &clean) < 0.25 * error(&noisy, &clean),
+            "{} {}",
+            error(&calm, &clean),
+            error(&noisy, &clean)
+        );
+        // The luminance is what was given.
+        assert!((luminance(calm.view()) - &y).iter().all(|d| d.abs() < 1e-4));
+        let (clean, _) = scene(0.0);
+        let y = luminance(clean.view());
+        assert!(error(&with_luminance(&clean, &y, &y, 3), &clean) < 1e-6);
+    }
+
+    #[test]
+    fn grey_stays_grey_and_flat_colour_as_it_is() {
+        let grey = Array3::from_shape_fn((20, 30, 3), |(y, x, _)| ((x * y) % 17) as f32 / 17.0);
+        let y = luminance(grey.view());
+        let out = with_luminance(&grey, &y, &y, 3);
+        assert!((&out - &grey).iter().all(|d| d.abs() < 1e-4));
+        let flat = Array3::from_shape_fn((9, 1, 3), |(_, _, k)| [0.8, 0.2, 0.4][k]);
+        let y = luminance(flat.view());
+        assert!((&with_luminance(&flat, &y, &(&y + 0.1), 3) - &flat).iter().all(|d| (d - 0.1).abs() < 1e-5));
+        // One channel is its luminance; what is not a number is nothing.
+        let one = Array3::from_elem((4, 5, 1), 0.25);
+        let after = Array2::from_elem((4, 5), 1.5);
+        assert_eq!(
+            with_luminance(&one, &Array2::from_elem((4, 5), 0.25), &after, 3),
+            Array3::from_elem((4, 5, 1), 1.0)
+        );
+        let odd = Array3::from_elem((4, 5, 3), f32::NAN);
+        let y = luminance(odd.view());
+        assert!(with_luminance(&odd, &y, &after, 3).iter().all(|v| (0.0..=1.0).contains(v)));
+        assert_eq!(
+            with_luminance(&Array3::zeros((0, 5, 3)), &Array2::zeros((0, 5)), &Array2::zeros((0, 5)), 3).dim(),
+            (0, 5, 3)
+        );
+    }
+
+    #[test]
+    fn window_means_equal_their_definition() {
+        let plane = Array2::from_shape_fn((7, 12), |(y, x)| ((5 * y + 3 * x * x) % 13) as f32);
+        for radius in [1, 3, 20] {
+            let found = boxed(plane.clone(), radius);
+            for ((y, x), v) in found.indexed_iter() {
+                let rows = y.saturating_sub(radius)..(y + radius + 1).min(7);
+                let columns = x.saturating_sub(radius)..(x + radius + 1).min(12);
+                let part = plane.slice(ndarray::s![rows, columns]);
+                assert!((v - part.mean().unwrap()).abs() < 1e-4);
+            }
+        }
+    }
+}
