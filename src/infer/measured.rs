@@ -131,7 +131,8 @@ impl<'a> Faithful<'a> {
     /// light. Clamped to 0..1.
     ///
     /// Interpolated views return their samples where they are not clamped, but for noise and about a thousandth of the range.
-    /// Refined views are put right where they are clearly off, before and after they are reconstructed.
+    /// Refined views are put right where they are clearly off before they are reconstructed and, but by a network that was
+    /// shown the samples as well, after it.
     ///
     /// # Errors
     /// Shapes that do not belong together, what the solver reports.
@@ -145,7 +146,8 @@ impl<'a> Faithful<'a> {
         } else {
             self.reconstructor.plane_beside(y.view(), &beside)?
         };
-        let sharp = self.truth.keep(&sharp, values, self.refined)?;
+        // A network that was shown the samples has weighed them already.
+        let sharp = if beside.is_empty() { self.truth.keep(&sharp, values, self.refined)? } else { sharp };
         Ok(guided::with_luminance(low, &y, &sharp, self.reconstructor.reach()))
     }
 
