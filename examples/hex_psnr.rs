@@ -111,13 +111,12 @@ fn methods(truth: ArrayView2<'_, f32>, a: &Arguments, index: u64) -> anyhow::Res
         ("ridge", Mode::Ridge),
         ("learned", Mode::Learned),
         ("fast", Mode::Fast),
-        ("anchored", Mode::Anchored),
         ("network", Mode::Network),
         ("best", Mode::Best),
     ];
     let network = a.dictionary.models.iter().flat_map(|m| &m.passes).any(|p| p.network.is_some());
     for (name, mode) in modes {
-        if matches!(mode, Mode::Network | Mode::Anchored) && !network {
+        if mode == Mode::Network && !network {
             continue;
         }
         let reconstructor = Reconstructor::new(&a.dictionary, &Options { mode, ..a.options.clone() })?;

@@ -32,7 +32,7 @@ pub struct Args {
     /// ones; for views of other tools x2 or x3, by --scale)
     #[arg(long, value_name = "NAME|FILE")]
     dictionary: Option<PathBuf>,
-    /// The dictionary's network (anchored regressors where it has none), patches further apart: faster
+    /// Anchored regressors (the network for refined views), patches further apart: faster
     #[arg(long)]
     fast: bool,
     /// LASSO codes and network together, averaged over four mirrored copies of each view: slower

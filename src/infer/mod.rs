@@ -25,7 +25,7 @@ use ndarray::{Array2, Array3, ArrayView2};
 pub enum Mode {
     /// The LASSO codes of eq. (4); for refined views the dictionary's network, where it has one.
     Learned,
-    /// The network, patches further apart; anchored regressors where there is none.
+    /// Anchored regressors, for refined views the network, patches further apart.
     Fast,
     /// As `Learned`, averaged over four mirrored copies of the view; of interpolated views the mean of the LASSO codes and
     /// the network, where there is one.
@@ -97,7 +97,7 @@ impl Reconstructor {
         let (path, step, ensemble) = match mode {
             Mode::Learned | Mode::Network if refined || mode == Mode::Network => (Path::Network, 2, 1),
             Mode::Learned | Mode::Lasso | Mode::Network => (Path::Lasso, 2, 1),
-            Mode::Fast if network => (Path::Network, 3, 1),
+            Mode::Fast if refined => (Path::Network, 3, 1),
             Mode::Fast | Mode::Anchored => (Path::Anchored, 3, 1),
             Mode::Best if refined => (Path::Network, 2, 4),
             Mode::Best => (Path::Lasso, 2, 4),
