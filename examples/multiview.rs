@@ -1,4 +1,4 @@
-//! What multi-view refinement gains, against the truth or without one:
+//! What multi-view refinement gains, and learned reconstruction on top of it, against the truth or without one:
 //! `cargo run --release --example multiview -- planes TRUTH_DIR SAMPLES.npz` a simulated capture (`lenslet simulate` writes
 //! TRUTH_DIR/views and TRUTH_DIR/disparity.npy, `lenslet decode` SAMPLES.npz): disparity errors, PSNR and SSIM of each method;
 //! `… -- field LIGHT_FIELD [--pitch P] [--truth-disparity GT.pfm]` any light field, its views sampled on a hexagonal grid of
@@ -13,9 +13,11 @@ use std::time::Instant;
 
 use anyhow::{Context, anyhow, bail, ensure};
 use lenslet::apps::relief;
+use lenslet::infer::{self, Faithful, Reconstructor};
 use lenslet::resample::multiview::{self, Bundle, Options, Surfaces};
 use lenslet::resample::{Target, barycentric, cubic};
 use lenslet_core::decode::{HexSamples, npz};
+use lenslet_core::dictionary::Base;
 use lenslet_core::lightfield::{self, ColourSpace, LightField, ReadOptions, colour};
 use lenslet_core::metrics::{self, Window};
 use lenslet_core::progress::Silent;
@@ -24,7 +26,7 @@ use ndarray::{Array2, Array3, Axis, s};
 use serde_json::{Map, Value, json};
 
 const BORDER: usize = 12;
-const METHODS: [&str; 3] = ["barycentric", "cubic", "multiview"];
+const METHODS: [&str; 4] = ["barycentric", "cubic", "multiview", "learned"];
 
 struct Arguments {
     task: String,
@@ -93,6 +95,7 @@ fn render(samples: &HexSamples, target: &Target, wanted: &[(usize, usize)]) -> a
         wanted.iter().map(|at| barycentric::view(&flat, values(at))).collect::<anyhow::Result<Vec<_>>>()?,
         wanted.iter().map(|at| cubic::view(&smooth, values(at))).collect::<anyhow::Result<_>>()?,
         Vec::new(),
+        Vec::new(),
     ];
     let began = Instant::now();
     let bundle = Bundle::hexagonal(samples, target)?;
@@ -105,7 +108,28 @@ fn render(samples: &HexSamples, target: &Target, wanted: &[(usize, usize)]) -> a
     };
     multiview::render_surfaces(&bundle, &surfaces, &options, &mut keep, &Silent)?;
     let seconds = [found, began.elapsed().as_secs_f64() - found];
+    views[3] = learned(samples, target, wanted, &views[2])?;
     Ok(Rendered { views, surfaces, seconds })
+}
+
+/// Refined views reconstructed with the dictionary made for them, linear light in and out.
+fn learned(
+    samples: &HexSamples,
+    target: &Target,
+    wanted: &[(usize, usize)],
+    refined: &[Array3<f32>],
+) -> anyhow::Result<Vec<Array3<f32>>> {
+    let dictionary = infer::embedded_for(Base::Multiview)?;
+    let reconstructor = Reconstructor::new(&dictionary, &infer::Options::default())?;
+    let size = (target.width, target.height);
+    let faithful = Faithful::new(&reconstructor, samples, Base::Multiview, size, None)?;
+    let one = |(&(v, u), view): (&(usize, usize), &Array3<f32>)| {
+        let values = samples.values.index_axis(Axis(0), v * samples.views + u);
+        let mut sharp = faithful.view(&encoded(view), values)?;
+        colour::convert(&mut sharp, ColourSpace::Srgb, ColourSpace::Linear);
+        Ok(sharp)
+    };
+    wanted.iter().zip(refined).map(one).collect()
 }
 
 /// The middle view, the one at the end of its row, and a corner.
@@ -280,7 +304,11 @@ fn real(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
                     };
                     let options = Options { views: Some(vec![middle]), ..Options::default() };
                     multiview::render(rest, &target, &options, &mut keep, &Silent)?;
-                    image.context("no view was rendered")
+                    let image = image.context("no view was rendered")?;
+                    if method == "multiview" {
+                        return Ok(image);
+                    }
+                    learned(rest, &target, &[middle], &[image])?.pop().context("no view was reconstructed")
                 }
             }
         })?;

@@ -30,6 +30,8 @@ const AFTER_PHOTOS: usize = 100_000;
 const VIEWS: usize = 7;
 /// Views of a capture that train.
 const TAKEN: usize = 4;
+/// Most noise of a capture, as in [`simulate::Options`].
+const NOISE: f64 = 3.0;
 /// Pixels left out at the border of a view.
 const BORDER: usize = 12;
 
@@ -38,7 +40,7 @@ const BORDER: usize = 12;
 /// train. For every two captures of photos there is one of a drawn scene, of a seed of its own.
 ///
 /// Each capture has a disparity of its own between −0.35 and 0.35 pitches a sensor pixel, often near 0 where views have the
-/// same samples all over again, and noise between none and full.
+/// same samples all over again, and noise between none and three times a camera's, mostly little.
 ///
 /// # Errors
 /// No usable photo, interruption, a pitch that no camera has.
@@ -121,7 +123,7 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
         ..Camera::with_sensor(sensor)
     };
     let disparity = 0.7 * rng.random::<f64>() - 0.35;
-    let options = simulate::Options { seed: rng.random::<u32>().into(), noise: rng.random::<f64>(), whites: 2 };
+    let options = simulate::Options { seed: rng.random::<u32>().into(), noise: NOISE * rng.random::<f64>().powi(2), whites: 2 };
     let scene = draw(&camera, disparity, options.seed)?;
     let simulation = simulate::render(&scene, &camera, &options, &Silent)?;
     let calibration = calibration::calibrate(&simulation.whites, &calibration::Options::default(), &Silent)?;
