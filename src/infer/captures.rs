@@ -123,7 +123,8 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
         ..Camera::with_sensor(sensor)
     };
     let disparity = 0.7 * rng.random::<f64>() - 0.35;
-    let options = simulate::Options { seed: rng.random::<u32>().into(), noise: NOISE * rng.random::<f64>().powi(2), whites: 2 };
+    let options =
+        simulate::Options { seed: rng.random::<u32>().into(), noise: NOISE * rng.random::<f64>().powi(2), whites: 2 };
     let scene = draw(&camera, disparity, options.seed)?;
     let simulation = simulate::render(&scene, &camera, &options, &Silent)?;
     let calibration = calibration::calibrate(&simulation.whites, &calibration::Options::default(), &Silent)?;

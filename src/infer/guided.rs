@@ -115,38 +115,46 @@ fn noise(guide: &Array2<f32>, energy: &Array2<f32>) -> [f32; STEPS] {
     })
 }
 
+/// Rows whose means are made together; fixed, so that running sums do not depend on threads.
+const BAND: usize = 64;
+
 /// Means over windows of 2·`radius` + 1 pixels a side, of what lies within the plane.
 fn boxed(mut plane: Array2<f32>, radius: usize) -> Array2<f32> {
     let (h, w) = plane.dim();
     if h == 0 || w == 0 {
         return plane;
     }
-    let mut line = vec![0.0; w];
-    for mut row in plane.rows_mut() {
-        if let Some(row) = row.as_slice_mut() {
-            means(row, radius, &mut line);
-            row.copy_from_slice(&line);
+    plane.axis_chunks_iter_mut(Axis(0), BAND).into_par_iter().for_each(|mut band| {
+        let mut line = vec![0.0; w];
+        for mut row in band.rows_mut() {
+            if let Some(row) = row.as_slice_mut() {
+                means(row, radius, &mut line);
+                row.copy_from_slice(&line);
+            }
         }
-    }
+    });
     // Down the columns a row at a time.
     let mut out = Array2::zeros((h, w));
-    let mut sums = vec![0.0f32; w];
-    let add = |sums: &mut [f32], y: usize, sign: f32| {
-        sums.iter_mut().zip(plane.row(y)).for_each(|(s, v)| *s += sign * v);
-    };
-    for y in 0..radius.min(h) {
-        add(&mut sums, y, 1.0);
-    }
-    for y in 0..h {
-        if y + radius < h {
-            add(&mut sums, y + radius, 1.0);
+    out.axis_chunks_iter_mut(Axis(0), BAND).into_par_iter().enumerate().for_each(|(k, mut band)| {
+        let first = k * BAND;
+        let mut sums = vec![0.0f32; w];
+        let add = |sums: &mut [f32], y: usize, sign: f32| {
+            sums.iter_mut().zip(plane.row(y)).for_each(|(s, v)| *s += sign * v);
+        };
+        for y in first.saturating_sub(radius)..(first + radius).min(h) {
+            add(&mut sums, y, 1.0);
         }
-        if y > radius {
-            add(&mut sums, y - radius - 1, -1.0);
+        for (y, mut row) in (first..).zip(band.rows_mut()) {
+            if y + radius < h {
+                add(&mut sums, y + radius, 1.0);
+            }
+            if y > first && y > radius {
+                add(&mut sums, y - radius - 1, -1.0);
+            }
+            let count = ((y + radius).min(h - 1) + 1 - y.saturating_sub(radius)) as f32;
+            row.iter_mut().zip(&sums).for_each(|(o, s)| *o = s / count);
         }
-        let count = ((y + radius).min(h - 1) + 1 - y.saturating_sub(radius)) as f32;
-        out.row_mut(y).iter_mut().zip(&sums).for_each(|(o, s)| *o = s / count);
-    }
+    });
     out
 }
 
@@ -238,11 +246,11 @@ mod tests {
 
     #[test]
     fn window_means_equal_their_definition() {
-        let plane = Array2::from_shape_fn((7, 12), |(y, x)| ((5 * y + 3 * x * x) % 13) as f32);
-        for radius in [1, 3, 20] {
+        let plane = Array2::from_shape_fn((150, 12), |(y, x)| ((5 * y + 3 * x * x) % 13) as f32);
+        for radius in [1, 3, 20, 70] {
             let found = boxed(plane.clone(), radius);
             for ((y, x), v) in found.indexed_iter() {
-                let rows = y.saturating_sub(radius)..(y + radius + 1).min(7);
+                let rows = y.saturating_sub(radius)..(y + radius + 1).min(150);
                 let columns = x.saturating_sub(radius)..(x + radius + 1).min(12);
                 let part = plane.slice(ndarray::s![rows, columns]);
                 assert!((v - part.mean().unwrap()).abs() < 1e-4);
