@@ -237,4 +237,29 @@ mod tests {
         assert!((&blind.view(&low, values).unwrap() - &free).iter().all(|d| d.abs() < 1e-5));
         assert!(exact.view(&low, values.slice(ndarray::s![1.., ..])).is_err());
     }
+
+    #[test]
+    fn a_refined_view_is_reconstructed_beside_its_own_samples() {
+        let samples = samples();
+        let dictionary = crate::infer::embedded_for(Base::Multiview).unwrap();
+        let reconstructor = Reconstructor::new(&dictionary, &Options::default()).unwrap();
+        assert_eq!(reconstructor.beside(), [Base::Barycentric, Base::Cubic]);
+        let target = Target { width: 200, height: 200 };
+        let values = samples.values.index_axis(ndarray::Axis(0), 0);
+        let low = encode::srgb(&barycentric::view(&barycentric::prepare(&samples, &target).unwrap(), values).unwrap());
+        let faithful = Faithful::new(&reconstructor, &samples, Base::Multiview, (200, 200), None).unwrap();
+        let found = luminance(faithful.view(&low, values).unwrap().view());
+        let truth = faithful.truth();
+        let kept = truth.keep(&luminance(low.view()), values, true).unwrap();
+        let beside: Vec<Array2<f32>> =
+            reconstructor.beside().iter().map(|&b| truth.alone(values, b).unwrap()).collect();
+        let by_hand = reconstructor.plane_beside(kept.view(), &beside).unwrap();
+        assert!((&found - &by_hand).iter().all(|d| d.abs() < 1e-3));
+        // Without what it wants to see, the codes stand in.
+        let blind = reconstructor.plane(kept.view()).unwrap();
+        let codes = Options { mode: crate::infer::Mode::Lasso, ..Options::default() };
+        assert_eq!(blind, Reconstructor::new(&dictionary, &codes).unwrap().plane(kept.view()).unwrap());
+        assert!((&blind - &by_hand).iter().any(|d| d.abs() > 1e-3));
+        assert!(truth.alone(values, Base::Bicubic).is_err());
+    }
 }

@@ -95,8 +95,9 @@ impl Reconstructor {
         let network = model.passes.iter().any(|p| p.network.is_some());
         let (refined, mode) = (model.base == Base::Multiview && network, options.mode);
         let (path, step, ensemble) = match mode {
-            Mode::Learned | Mode::Network if refined || mode == Mode::Network => (Path::Network, 2, 1),
-            Mode::Learned | Mode::Lasso | Mode::Network => (Path::Lasso, 2, 1),
+            Mode::Learned if refined => (Path::Network, 2, 1),
+            Mode::Network => (Path::Network, 2, 1),
+            Mode::Learned | Mode::Lasso => (Path::Lasso, 2, 1),
             Mode::Fast if refined => (Path::Network, 3, 1),
             Mode::Fast | Mode::Anchored => (Path::Anchored, 3, 1),
             Mode::Best if refined => (Path::Network, 2, 4),

@@ -580,6 +580,7 @@ fn mean_psnr(errors: impl Iterator<Item = f64>) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::NetworkParameters;
     use lenslet_core::progress::Silent;
     use rand::RngExt;
     use std::sync::atomic::{AtomicUsize, Ordering};
@@ -634,6 +635,15 @@ mod tests {
             anchors: 16,
             neighbours: 300,
             held_out: 3,
+            network: Some(NetworkParameters {
+                features: vec![12],
+                window: 5,
+                patch: 3,
+                hidden: vec![24, 16],
+                batch: 64,
+                pairs: 4000,
+                ..NetworkParameters::default()
+            }),
             ..Parameters::default()
         }
     }
@@ -653,6 +663,8 @@ mod tests {
             assert_eq!(last.stage, "done");
             let (learned, low) = (last.held_out_psnr.unwrap(), last.low_psnr.unwrap());
             assert!(learned > low + 0.5, "{algorithm:?}: {learned} dB from {low} dB");
+            let network = last.network_psnr.unwrap();
+            assert!(network > low + 0.1, "{network} dB from {low} dB by the network");
             assert!(dictionary::validate(&outcome.dictionary).is_ok());
         }
     }
