@@ -138,15 +138,18 @@ fn records_of(path: &Path) -> anyhow::Result<Vec<Record>> {
 
 /// How the numbers came about. Paths of the command line are left out but for their last part.
 fn about(records: &[Record]) -> Vec<String> {
-    let words: Vec<String> = std::env::args()
+    let words: Vec<String> = std::env::args_os()
         .skip(1)
         .map(|a| {
+            let a = a.to_string_lossy().into_owned();
             let name = |p: &str| Path::new(p).file_name().map_or(p.to_owned(), |n| n.to_string_lossy().into_owned());
-            match a.split_once('=') {
+            let word = match a.split_once('=') {
                 Some((key, path)) => format!("{key}={}", name(path)),
                 None if a.starts_with('-') => a,
                 None => name(&a),
-            }
+            };
+            // As a shell takes it.
+            if word.contains([' ', '"', '\'', '$']) { format!("'{}'", word.replace('\'', "'\\''")) } else { word }
         })
         .collect();
     let cpu = fs::read_to_string("/proc/cpuinfo").ok().and_then(|text| {
