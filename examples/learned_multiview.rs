@@ -12,7 +12,7 @@ use lenslet::infer::{self, Faithful, Mode, Options, Reconstructor};
 use lenslet::resample::{Target, encode, multiview};
 use lenslet_core::calibration;
 use lenslet_core::decode;
-use lenslet_core::dictionary::{self, Base, Dictionary};
+use lenslet_core::dictionary::{self, Dictionary, Interpolation};
 use lenslet_core::lightfield::{ColourSpace, colour};
 use lenslet_core::metrics::{self, luminance};
 use lenslet_core::progress::Silent;
@@ -85,7 +85,7 @@ fn scored(kind: Kind, a: &Arguments, reconstructor: &Reconstructor) -> anyhow::R
     let size = simulate::output_size(&camera, (a.sensor * 1080 + 1640) / 3280);
     let calibration = calibration::calibrate(&simulation.whites, &calibration::Options::default(), &Silent)?;
     let samples = decode::samples(&simulation.capture, &calibration, &decode::Options::default(), &Silent)?;
-    let faithful = Faithful::new(reconstructor, &samples, Base::Multiview, size, None)?;
+    let faithful = Faithful::new(reconstructor, &samples, Interpolation::Multiview, size, None)?;
 
     let mut gains: Vec<((usize, usize), [f64; 2])> = Vec::new();
     let mut centre = Value::Null;
@@ -119,7 +119,7 @@ fn main() -> anyhow::Result<()> {
     let dictionary = match &a.dictionary {
         Some(given) => given,
         None => {
-            embedded = infer::embedded_for(Base::Multiview)?;
+            embedded = infer::embedded_for(Interpolation::Multiview)?;
             &embedded
         }
     };

@@ -17,7 +17,7 @@ use lenslet::infer::{self, Faithful, Reconstructor};
 use lenslet::resample::multiview::{self, Bundle, Options, Surfaces};
 use lenslet::resample::{Target, barycentric, cubic};
 use lenslet_core::decode::{HexSamples, npz};
-use lenslet_core::dictionary::Base;
+use lenslet_core::dictionary::Interpolation;
 use lenslet_core::lightfield::{self, ColourSpace, LightField, ReadOptions, colour};
 use lenslet_core::metrics::{self, Window};
 use lenslet_core::progress::Silent;
@@ -119,10 +119,10 @@ fn learned(
     wanted: &[(usize, usize)],
     refined: &[Array3<f32>],
 ) -> anyhow::Result<Vec<Array3<f32>>> {
-    let dictionary = infer::embedded_for(Base::Multiview)?;
+    let dictionary = infer::embedded_for(Interpolation::Multiview)?;
     let reconstructor = Reconstructor::new(&dictionary, &infer::Options::default())?;
     let size = (target.width, target.height);
-    let faithful = Faithful::new(&reconstructor, samples, Base::Multiview, size, None)?;
+    let faithful = Faithful::new(&reconstructor, samples, Interpolation::Multiview, size, None)?;
     let one = |(&(v, u), view): (&(usize, usize), &Array3<f32>)| {
         let values = samples.values.index_axis(Axis(0), v * samples.views + u);
         let mut sharp = faithful.view(&encoded(view), values)?;

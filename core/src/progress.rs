@@ -8,11 +8,23 @@ pub trait Observer: Sync {
     fn advance(&self, _n: u64) {}
     /// A line of news worth keeping (an epoch's scores, a warning).
     fn note(&self, _text: &str) {}
-    /// True once the work should end early; functions then return their `Interrupted` error.
+    /// True once the work should end early.
     fn cancelled(&self) -> bool {
         false
     }
+    /// Ends work early once it was asked to: `observer.check()?`.
+    ///
+    /// # Errors
+    /// [`Interrupted`] once [`Observer::cancelled`] is true.
+    fn check(&self) -> Result<(), Interrupted> {
+        if self.cancelled() { Err(Interrupted) } else { Ok(()) }
+    }
 }
+
+/// The work was asked to stop, and stopped. Every error of a long computation has it as a transparent variant.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("interrupted")]
+pub struct Interrupted;
 
 /// Says nothing, never cancels.
 #[derive(Debug, Clone, Copy, Default)]

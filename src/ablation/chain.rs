@@ -7,7 +7,7 @@ use anyhow::{Context as _, Result};
 use lenslet_core::calibration::Variant;
 use lenslet_core::container;
 use lenslet_core::decode::{self, Step};
-use lenslet_core::dictionary::{Base, Dictionary};
+use lenslet_core::dictionary::{Dictionary, Interpolation};
 use lenslet_core::progress::Observer;
 use lenslet_data_gen::simulate::Kind;
 use ndarray::Array3;
@@ -147,8 +147,8 @@ fn options(chain: &Chain) -> Result<decode::Options> {
 /// The embedded dictionary for a way that needs one.
 fn embedded(way: Way) -> Result<Option<Dictionary>> {
     let base = match way {
-        Way::Learned => Base::Barycentric,
-        Way::LearnedMultiview => Base::Multiview,
+        Way::Learned => Interpolation::Barycentric,
+        Way::LearnedMultiview => Interpolation::Multiview,
         _ => return Ok(None),
     };
     infer::embedded_for(base).map(Some).context("the embedded dictionary")

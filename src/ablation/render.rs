@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use lenslet_core::decode::HexSamples;
-use lenslet_core::dictionary::{Base, Dictionary, Footprint};
+use lenslet_core::dictionary::{Dictionary, Footprint, Interpolation};
 use lenslet_core::lightfield::{ColourSpace, colour};
 use lenslet_core::progress::Observer;
 use ndarray::{Array3, Axis};
@@ -64,10 +64,10 @@ fn base(way: Way, dictionary: Option<&Dictionary>) -> Result<Way> {
     let trained_on = || {
         let model = dictionary.and_then(|d| d.model(Footprint::Point)).context("a learned way needs a dictionary")?;
         Ok(match model.base {
-            Base::Barycentric => Way::Barycentric,
-            Base::Cubic => Way::Cubic,
-            Base::Bicubic => Way::Bicubic,
-            Base::Multiview => Way::Multiview,
+            Interpolation::Barycentric => Way::Barycentric,
+            Interpolation::Cubic => Way::Cubic,
+            Interpolation::Bicubic => Way::Bicubic,
+            Interpolation::Multiview => Way::Multiview,
         })
     };
     match way {
@@ -155,7 +155,7 @@ fn sharpened(
     // The truth is what a lenslet sees, so a sample is the truth at a point.
     let options = infer::Options { footprint: Footprint::Point, ..infer::Options::default() };
     let reconstructor = infer::Reconstructor::new(dictionary, &options)?;
-    let made = if base == Way::Multiview { Base::Multiview } else { Base::Barycentric };
+    let made = if base == Way::Multiview { Interpolation::Multiview } else { Interpolation::Barycentric };
     let faithful = infer::Faithful::new(&reconstructor, samples, made, (target.width, target.height), None)?;
     low.iter()
         .zip(wanted)

@@ -11,7 +11,7 @@ use lenslet::report::{Page, Picture, Stage, Table, plot};
 use lenslet::resample::{self, Method, RenderOptions, Target, encode, multiview};
 use lenslet_core::calibration::{self, Calibration};
 use lenslet_core::decode::{self, HexSamples};
-use lenslet_core::dictionary::Base;
+use lenslet_core::dictionary::Interpolation;
 use lenslet_core::lightfield::{ColourSpace, colour};
 use lenslet_core::metrics::{self, Window};
 use lenslet_core::output::{self, Pending};
@@ -172,11 +172,16 @@ fn reconstruct(samples: &HexSamples, target: &Target, observer: &dyn Observer) -
         scores: Vec::new(),
     });
     for (name, about, base, from) in [
-        ("learned", "dictionary reconstruction of the barycentric views (paper 4.4)", Base::Barycentric, "barycentric"),
+        (
+            "learned",
+            "dictionary reconstruction of the barycentric views (paper 4.4)",
+            Interpolation::Barycentric,
+            "barycentric",
+        ),
         (
             "learned on multiview",
             "dictionary reconstruction of the refined views (paper 4.3, then 4.4)",
-            Base::Multiview,
+            Interpolation::Multiview,
             "multiview",
         ),
     ] {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use lenslet::infer::{self, Enlargement, Mode, Options, Reconstructor};
 use lenslet::resample::Method;
 use lenslet_core::decode::{HexSamples, npz};
-use lenslet_core::dictionary::{self, Base, Footprint};
+use lenslet_core::dictionary::{self, Footprint, Interpolation};
 use lenslet_core::lightfield::{self, ColourSpace, Meta, ReadOptions};
 use lenslet_core::progress::Observer;
 use serde_json::json;
@@ -172,7 +172,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
 /// The dictionary inside the program for a light field that says how its views were made.
 fn own(meta: &Meta) -> &'static str {
     let refined = meta.method.as_deref() == Some(Method::Multiview.name());
-    infer::name_for(if refined { Base::Multiview } else { Base::Barycentric })
+    infer::name_for(if refined { Interpolation::Multiview } else { Interpolation::Barycentric })
 }
 
 /// The samples that decode left with the light field.

@@ -114,10 +114,7 @@ pub struct Outcome {
 #[error("{0}")]
 pub struct Usage(pub String);
 
-/// The user interrupted the work (exit code 130).
-#[derive(Debug, thiserror::Error)]
-#[error("interrupted")]
-pub struct Interrupted;
+pub use lenslet_core::progress::Interrupted;
 
 pub fn main() -> ExitCode {
     let cli = Cli::parse();

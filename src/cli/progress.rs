@@ -38,11 +38,6 @@ impl Progress {
             bar.finish_and_clear();
         }
     }
-
-    /// Ends a command early once the user asked for it.
-    pub fn check(&self) -> anyhow::Result<()> {
-        if self.cancelled() { Err(super::Interrupted.into()) } else { Ok(()) }
-    }
 }
 
 impl Observer for Progress {

@@ -9,6 +9,7 @@ use lenslet::resample::Target;
 use lenslet::resample::multiview::{self, Bundle, Options};
 use lenslet_core::decode::{HexSamples, npz};
 use lenslet_core::lightfield::{self, ColourSpace, LightField, ReadOptions, colour};
+use lenslet_core::progress::Observer as _;
 use ndarray::Array3;
 use serde_json::json;
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::Context as _;
 use lenslet::infer;
-use lenslet_core::dictionary::{self, Base, Footprint};
+use lenslet_core::dictionary::{self, Footprint, Interpolation};
 use lenslet_core::output;
 use lenslet_core::progress::Observer;
 use lenslet_train::{Algorithm, Coupling, Parameters, train, train_on};
@@ -146,11 +146,11 @@ fn parameters(args: &Args) -> anyhow::Result<Parameters> {
         }
     }
     match args.base.as_deref() {
-        Some("multiview") => p.base = Some(Base::Multiview),
-        Some(_) => p.base = Some(Base::Barycentric),
+        Some("multiview") => p.base = Some(Interpolation::Multiview),
+        Some(_) => p.base = Some(Interpolation::Barycentric),
         None => {}
     }
-    if p.base == Some(Base::Multiview) {
+    if p.base == Some(Interpolation::Multiview) {
         // The simulated camera's truth is what a lenslet sees: a sample is the truth at a point.
         p.footprints = vec![Footprint::Point];
         if args.calibration.is_some() || args.noise.is_some() || args.shrink.is_some() {
@@ -212,7 +212,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         }
     };
     let progress = &context.progress;
-    let outcome = if parameters.base == Some(Base::Multiview) {
+    let outcome = if parameters.base == Some(Interpolation::Multiview) {
         let mut crops = |_, observer: &dyn lenslet_core::progress::Observer| {
             infer::captured_crops(&args.photos, &parameters, observer)
         };

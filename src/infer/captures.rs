@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use lenslet_core::calibration;
 use lenslet_core::decode;
-use lenslet_core::dictionary::{Base, Footprint, Photo};
+use lenslet_core::dictionary::{Footprint, Interpolation, Photo};
 use lenslet_core::lightfield::{ColourSpace, colour};
 use lenslet_core::metrics::luminance;
 use lenslet_core::progress::{Observer, Silent};
@@ -136,7 +136,7 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
     }
     let size = simulate::output_size(&camera, side);
     let target = Target { width: size.0, height: size.1 };
-    let alone: &[Base] = parameters.network.as_ref().map_or(&[], |n| &n.beside);
+    let alone: &[Interpolation] = parameters.network.as_ref().map_or(&[], |n| &n.beside);
     let truth = Truth::new(&samples, Footprint::Point, parameters.pitch, size, None, alone)?;
     let (mut refined, mut beside) = (Vec::new(), Vec::new());
     let wanted = multiview::Options { views: Some(views.clone()), ..multiview::Options::default() };

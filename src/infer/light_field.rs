@@ -1,7 +1,7 @@
 //! Whole light fields, view after view.
 
 use lenslet_core::decode::HexSamples;
-use lenslet_core::dictionary::{self, Base};
+use lenslet_core::dictionary::{self, Interpolation};
 use lenslet_core::lightfield::{ColourSpace, Meta, ViewSink, ViewSource, colour};
 use lenslet_core::progress::Observer;
 use lenslet_core::sampling::bicubic;
@@ -57,7 +57,8 @@ pub fn light_field(
     let meta: &Meta = source.meta();
     let [rows, columns] = meta.views;
     let size = enlargement.size(meta.size);
-    let base = if meta.method.as_deref() == Some("multiview") { Base::Multiview } else { Base::Barycentric };
+    let base =
+        if meta.method.as_deref() == Some("multiview") { Interpolation::Multiview } else { Interpolation::Barycentric };
     let faithful = match samples {
         Some((samples, noise)) => {
             anyhow::ensure!(

@@ -2,7 +2,7 @@
 
 use anyhow::{Result, ensure};
 use lenslet_core::decode::HexSamples;
-use lenslet_core::dictionary::{Base, Footprint};
+use lenslet_core::dictionary::{Footprint, Interpolation};
 use lenslet_core::lightfield::colour;
 use lenslet_core::metrics::LUMINANCE;
 use lenslet_core::sampling::Cubic;
@@ -40,13 +40,13 @@ impl Truth {
         pitch: f64,
         size: (usize, usize),
         noise: Option<f32>,
-        alone: &[Base],
+        alone: &[Interpolation],
     ) -> Result<Self> {
         let (fx, fy) = (size.0 as f64 / samples.sensor.0 as f64, size.1 as f64 / samples.sensor.1 as f64);
         let centres: Vec<[f64; 2]> =
             samples.centres.iter().map(|c| [(c[0] + 0.5) * fx - 0.5, (c[1] + 0.5) * fy - 0.5]).collect();
         let neighbours = Neighbours::new(&centres)?;
-        let cubic = if alone.contains(&Base::Cubic) { Some(Cubic::new(&centres, size, size)?) } else { None };
+        let cubic = if alone.contains(&Interpolation::Cubic) { Some(Cubic::new(&centres, size, size)?) } else { None };
         Ok(Truth { measured: Measured::new(centres, footprint, pitch, size)?, cubic, neighbours, given: noise })
     }
 
@@ -81,11 +81,11 @@ impl Truth {
     ///
     /// # Errors
     /// Another number of samples, another base.
-    pub fn alone(&self, values: ArrayView2<'_, f32>, base: Base) -> Result<Array2<f32>> {
+    pub fn alone(&self, values: ArrayView2<'_, f32>, base: Interpolation) -> Result<Array2<f32>> {
         let samples = encoded_luminance(values)?;
         match (base, &self.cubic) {
-            (Base::Barycentric, _) => Ok(self.measured.interpolate(&samples)?),
-            (Base::Cubic, Some(cubic)) => {
+            (Interpolation::Barycentric, _) => Ok(self.measured.interpolate(&samples)?),
+            (Interpolation::Cubic, Some(cubic)) => {
                 let plane = cubic.apply(ndarray::aview1(&samples).insert_axis(Axis(1)))?;
                 Ok(plane.index_axis_move(Axis(2), 0).mapv(|v| v.clamp(0.0, 1.0)))
             }
@@ -118,13 +118,13 @@ impl<'a> Faithful<'a> {
     pub fn new(
         reconstructor: &'a Reconstructor,
         samples: &HexSamples,
-        base: Base,
+        base: Interpolation,
         size: (usize, usize),
         noise: Option<f32>,
     ) -> Result<Self> {
         let model = reconstructor.model();
         let truth = Truth::new(samples, model.footprint, model.pitch, size, noise, reconstructor.beside())?;
-        Ok(Faithful { reconstructor, truth, refined: base == Base::Multiview })
+        Ok(Faithful { reconstructor, truth, refined: base == Interpolation::Multiview })
     }
 
     /// Reconstructs an sRGB-encoded view (t, s, c) made from samples of which its own are `values` (lenslets, c), in linear
@@ -223,16 +223,18 @@ mod tests {
             let rms = (errors.iter().map(|e| e * e).sum::<f32>() / errors.len() as f32).sqrt();
             (rms, errors.iter().fold(0.0, |a, &b| a.max(b)))
         };
-        let exact = Faithful::new(&reconstructor, &samples, Base::Barycentric, (200, 200), Some(0.0)).unwrap();
+        let exact = Faithful::new(&reconstructor, &samples, Interpolation::Barycentric, (200, 200), Some(0.0)).unwrap();
         let (plain, _) = off(&exact, &reconstructor.view(&low).unwrap());
         let (rms, worst) = off(&exact, &exact.view(&low, values).unwrap());
         assert!(rms < 0.001 && worst < 0.02 && rms < 0.3 * plain, "{rms} {worst} against {plain}");
         // Given noise, nothing is moved that noise explains, and the rest to within it.
-        let noisy = Faithful::new(&reconstructor, &samples, Base::Barycentric, (200, 200), Some(0.02)).unwrap();
+        let noisy =
+            Faithful::new(&reconstructor, &samples, Interpolation::Barycentric, (200, 200), Some(0.02)).unwrap();
         let (_, worst) = off(&noisy, &noisy.view(&low, values).unwrap());
         assert!(worst < 0.03, "{worst}");
         // Noise that explains everything leaves the dictionary's view as it is.
-        let blind = Faithful::new(&reconstructor, &samples, Base::Barycentric, (200, 200), Some(10.0)).unwrap();
+        let blind =
+            Faithful::new(&reconstructor, &samples, Interpolation::Barycentric, (200, 200), Some(10.0)).unwrap();
         let free = reconstructor.view(&low).unwrap();
         assert!((&blind.view(&low, values).unwrap() - &free).iter().all(|d| d.abs() < 1e-5));
         assert!(exact.view(&low, values.slice(ndarray::s![1.., ..])).is_err());
@@ -241,13 +243,13 @@ mod tests {
     #[test]
     fn a_refined_view_is_reconstructed_beside_its_own_samples() {
         let samples = samples();
-        let dictionary = crate::infer::embedded_for(Base::Multiview).unwrap();
+        let dictionary = crate::infer::embedded_for(Interpolation::Multiview).unwrap();
         let reconstructor = Reconstructor::new(&dictionary, &Options::default()).unwrap();
-        assert_eq!(reconstructor.beside(), [Base::Barycentric, Base::Cubic]);
+        assert_eq!(reconstructor.beside(), [Interpolation::Barycentric, Interpolation::Cubic]);
         let target = Target { width: 200, height: 200 };
         let values = samples.values.index_axis(ndarray::Axis(0), 0);
         let low = encode::srgb(&barycentric::view(&barycentric::prepare(&samples, &target).unwrap(), values).unwrap());
-        let faithful = Faithful::new(&reconstructor, &samples, Base::Multiview, (200, 200), None).unwrap();
+        let faithful = Faithful::new(&reconstructor, &samples, Interpolation::Multiview, (200, 200), None).unwrap();
         let found = luminance(faithful.view(&low, values).unwrap().view());
         let truth = faithful.truth();
         let kept = truth.keep(&luminance(low.view()), values, true).unwrap();
@@ -260,6 +262,6 @@ mod tests {
         let codes = Options { mode: crate::infer::Mode::Lasso, ..Options::default() };
         assert_eq!(blind, Reconstructor::new(&dictionary, &codes).unwrap().plane(kept.view()).unwrap());
         assert!((&blind - &by_hand).iter().any(|d| d.abs() > 1e-3));
-        assert!(truth.alone(values, Base::Bicubic).is_err());
+        assert!(truth.alone(values, Interpolation::Bicubic).is_err());
     }
 }

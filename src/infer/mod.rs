@@ -16,7 +16,7 @@ pub use measured::{Faithful, Truth};
 pub use noise::Noise;
 pub use shelf::{embedded, embedded_for, name_for, named, names};
 
-use lenslet_core::dictionary::{self, Base, Dictionary, Footprint, Path};
+use lenslet_core::dictionary::{self, Dictionary, Footprint, Interpolation, Path};
 use lenslet_core::metrics::luminance;
 use ndarray::{Array2, Array3, ArrayView2};
 
@@ -93,7 +93,7 @@ impl Reconstructor {
             .model(options.footprint)
             .ok_or_else(|| dictionary::Error::Parameter("the dictionary holds no model".into()))?;
         let network = model.passes.iter().any(|p| p.network.is_some());
-        let (refined, mode) = (model.base == Base::Multiview && network, options.mode);
+        let (refined, mode) = (model.base == Interpolation::Multiview && network, options.mode);
         let (path, step, ensemble) = match mode {
             Mode::Learned if refined => (Path::Network, 2, 1),
             Mode::Network => (Path::Network, 2, 1),
@@ -129,7 +129,7 @@ impl Reconstructor {
 
     /// Which interpolations of a view's own samples it wants to see beside the view.
     #[must_use]
-    pub fn beside(&self) -> &[Base] {
+    pub fn beside(&self) -> &[Interpolation] {
         self.inner.beside()
     }
 

@@ -1,6 +1,6 @@
 //! The dictionaries inside the program.
 
-use lenslet_core::dictionary::{self, Base, Dictionary};
+use lenslet_core::dictionary::{self, Dictionary, Interpolation};
 
 /// Names and files; the first is the default.
 const SHELF: [(&str, &[u8]); 5] = [
@@ -25,8 +25,8 @@ pub fn named(name: &str) -> Option<Result<Dictionary, dictionary::Error>> {
 
 /// The name of the dictionary for views of the final size that `base` made.
 #[must_use]
-pub fn name_for(base: Base) -> &'static str {
-    if base == Base::Multiview { "multiview" } else { "default" }
+pub fn name_for(base: Interpolation) -> &'static str {
+    if base == Interpolation::Multiview { "multiview" } else { "default" }
 }
 
 /// The dictionary for views of the final size that `base` made: one of its own for refined views, the default for all
@@ -34,7 +34,7 @@ pub fn name_for(base: Base) -> &'static str {
 ///
 /// # Errors
 /// When the build embedded a file that is no dictionary.
-pub fn embedded_for(base: Base) -> Result<Dictionary, dictionary::Error> {
+pub fn embedded_for(base: Interpolation) -> Result<Dictionary, dictionary::Error> {
     let name = name_for(base);
     named(name).unwrap_or_else(|| Err(dictionary::Error::Parameter(format!("no dictionary {name} is embedded"))))
 }
@@ -44,7 +44,7 @@ pub fn embedded_for(base: Base) -> Result<Dictionary, dictionary::Error> {
 /// # Errors
 /// As [`embedded_for`].
 pub fn embedded() -> Result<Dictionary, dictionary::Error> {
-    embedded_for(Base::Barycentric)
+    embedded_for(Interpolation::Barycentric)
 }
 
 #[cfg(test)]
@@ -57,10 +57,10 @@ mod tests {
             assert!(named(name).unwrap().is_ok(), "{name}");
         }
         assert!(named("nothing").is_none());
-        for base in [Base::Barycentric, Base::Multiview] {
+        for base in [Interpolation::Barycentric, Interpolation::Multiview] {
             let found = embedded_for(base).unwrap();
             assert!(found.models.iter().all(|m| m.base == base), "{base}");
         }
-        assert_eq!(name_for(Base::Cubic), name_for(Base::Barycentric));
+        assert_eq!(name_for(Interpolation::Cubic), name_for(Interpolation::Barycentric));
     }
 }

@@ -8,7 +8,7 @@
 //! noisy sample is.
 
 use lenslet_core::decode::HexSamples;
-use lenslet_core::dictionary::{Base, Dictionary};
+use lenslet_core::dictionary::{Dictionary, Interpolation};
 use lenslet_core::lightfield::{ColourSpace, colour};
 use lenslet_core::progress::Observer;
 use lenslet_core::sampling::{MAX_PIXELS, bicubic};
@@ -34,12 +34,12 @@ pub fn working_size(samples: &HexSamples, target: &Target, trained: f64) -> Targ
 }
 
 /// What a dictionary calls a method that views can be made with.
-fn base(method: Method) -> Base {
+fn base(method: Method) -> Interpolation {
     match method {
-        Method::Multiview => Base::Multiview,
-        Method::Cubic => Base::Cubic,
-        Method::Bicubic => Base::Bicubic,
-        Method::Barycentric | Method::Learned => Base::Barycentric,
+        Method::Multiview => Interpolation::Multiview,
+        Method::Cubic => Interpolation::Cubic,
+        Method::Bicubic => Interpolation::Bicubic,
+        Method::Barycentric | Method::Learned => Interpolation::Barycentric,
     }
 }
 
@@ -66,7 +66,7 @@ pub fn render(
     };
     let reconstructor = Reconstructor::new(dictionary, &options.infer)?;
     let trained = reconstructor.model().base;
-    if (trained == Base::Multiview) != (options.base == Method::Multiview) {
+    if (trained == Interpolation::Multiview) != (options.base == Method::Multiview) {
         observer
             .note(&format!("the dictionary was trained on {trained} views, these are {}: expect less", options.base));
     }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use lenslet_core::dictionary::{Base, Footprint, Photo};
+use lenslet_core::dictionary::{Footprint, Interpolation, Photo};
 use lenslet_core::progress::Observer;
 use lenslet_data_gen::pairs::{self, Crop, Degradation, Loaded, crops, find_photos, load_photo_in};
 use ndarray::{ArrayView2, Axis};
@@ -67,7 +67,7 @@ pub struct Data {
 
 /// How one footprint's low images come about.
 pub fn degradation(parameters: &Parameters, footprint: Footprint) -> Degradation {
-    let plain = if footprint == Footprint::Grid { Base::Bicubic } else { Base::Barycentric };
+    let plain = if footprint == Footprint::Grid { Interpolation::Bicubic } else { Interpolation::Barycentric };
     let base = parameters.base.unwrap_or(plain);
     Degradation { pitch: parameters.pitch, rotation: parameters.rotation, footprint, base, noise: parameters.noise }
 }

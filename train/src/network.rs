@@ -2,7 +2,7 @@
 //! [`lenslet_core::dictionary::inputs`] gives and divides them, by Adam (Kingma 2015) on shuffled batches, the step falling as
 //! half a cosine. Rectified layers begin as He (2015) has it.
 
-use lenslet_core::dictionary::{Base, Layer, Network, forward, inputs, product};
+use lenslet_core::dictionary::{Interpolation, Layer, Network, forward, inputs, product};
 use lenslet_data_gen::pairs::{self, Crop, PatchOptions};
 use ndarray::{Array1, Array2, Axis, concatenate};
 use rand::RngExt;
@@ -30,7 +30,7 @@ use super::online::shuffled;
 #[serde(deny_unknown_fields, default)]
 #[allow(missing_docs)] // the table above says it
 pub struct NetworkParameters {
-    pub beside: Vec<Base>,
+    pub beside: Vec<Interpolation>,
     pub features: Vec<usize>,
     pub window: usize,
     pub patch: usize,

@@ -1,6 +1,6 @@
 //! The parameters of training, one type for all algorithms.
 
-use lenslet_core::dictionary::{Base, Footprint, Storage};
+use lenslet_core::dictionary::{Footprint, Interpolation, Storage};
 use serde::{Deserialize, Serialize};
 
 use super::{Error, NetworkParameters};
@@ -86,7 +86,7 @@ pub struct Parameters {
     pub shrink: f64,
     pub footprints: Vec<Footprint>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub base: Option<Base>,
+    pub base: Option<Interpolation>,
     pub pitch: f64,
     pub rotation: f64,
     pub noise: f32,
@@ -199,7 +199,7 @@ impl Parameters {
         within("ridge", self.ridge, 1e-6, 1e6)?;
         within("memory", self.memory, 0.05, 1024.0)?;
         self.network.as_ref().map_or(Ok(()), NetworkParameters::check)?;
-        if self.base != Some(Base::Multiview) && self.network.as_ref().is_some_and(|n| !n.beside.is_empty()) {
+        if self.base != Some(Interpolation::Multiview) && self.network.as_ref().is_some_and(|n| !n.beside.is_empty()) {
             return Err(Error::Parameter("network: images beside the low one need the base multiview".into()));
         }
         if self.held_out == 1 {

@@ -21,7 +21,8 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::{
-    Anchored, Base, Dictionary, Error, Footprint, Layer, Model, Network, Pass, Recipe, Storage, limits, validate,
+    Anchored, Dictionary, Error, Footprint, Interpolation, Layer, Model, Network, Pass, Recipe, Storage, limits,
+    validate,
 };
 
 /// The latest version of the format; this library reads all from 1.
@@ -50,7 +51,7 @@ struct Header {
 #[derive(Debug, Serialize, Deserialize)]
 struct ModelHeader {
     footprint: Footprint,
-    base: Base,
+    base: Interpolation,
     pitch: f64,
     passes: Vec<PassHeader>,
 }
@@ -72,7 +73,7 @@ struct NetworkHeader {
     pass: u32,
     support: u32,
     floor: f32,
-    beside: Vec<Base>,
+    beside: Vec<Interpolation>,
     shares: Vec<u32>,
     layers: u32,
 }
@@ -429,7 +430,7 @@ mod tests {
     /// A dictionary with a network, which version 3 is written for.
     fn with_network() -> Dictionary {
         let mut dictionary = small(1);
-        dictionary.models[0].passes[0].network = Some(random(5, &[Base::Barycentric, Base::Cubic]));
+        dictionary.models[0].passes[0].network = Some(random(5, &[Interpolation::Barycentric, Interpolation::Cubic]));
         dictionary
     }
 

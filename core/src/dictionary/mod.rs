@@ -20,6 +20,7 @@ mod reconstruct;
 use ndarray::{Array2, Array3};
 use serde::{Deserialize, Serialize};
 
+pub use crate::interpolation::Interpolation;
 pub use export::{export_npy, export_safetensors};
 pub use features::{extract, gradient_operator, learn_components, learn_filters, pad, windows};
 pub use file::{FORMAT_VERSION, from_bytes, load, save, to_bytes};
@@ -44,31 +45,6 @@ impl std::fmt::Display for Footprint {
             Footprint::Point => "point",
             Footprint::Lenslet => "lenslet",
             Footprint::Grid => "grid",
-        })
-    }
-}
-
-/// Interpolation that makes the low image out of hexagonal samples.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Base {
-    /// Linear over the Delaunay triangles (paper section 4.2).
-    Barycentric,
-    /// The smooth interpolant on the same samples.
-    Cubic,
-    /// Bicubic enlargement of a rectangular grid.
-    Bicubic,
-    /// All samples of all views at their places in one view (paper section 4.3).
-    Multiview,
-}
-
-impl std::fmt::Display for Base {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Base::Barycentric => "barycentric",
-            Base::Cubic => "cubic",
-            Base::Bicubic => "bicubic",
-            Base::Multiview => "multiview",
         })
     }
 }
@@ -115,7 +91,7 @@ pub struct Model {
     /// What a sample was.
     pub footprint: Footprint,
     /// Which interpolation made the low image.
-    pub base: Base,
+    pub base: Interpolation,
     /// Output pixels between neighbouring samples of a row.
     pub pitch: f64,
     /// At least one.
@@ -352,7 +328,8 @@ pub(crate) mod tests {
             anchored: Some(Anchored { anchors: unit(random(4, m)), maps }),
             network: None,
         };
-        let model = Model { footprint: Footprint::Point, base: Base::Barycentric, pitch: 3.3, passes: vec![pass] };
+        let model =
+            Model { footprint: Footprint::Point, base: Interpolation::Barycentric, pitch: 3.3, passes: vec![pass] };
         let mut recipe = Recipe { tool: "test".into(), seed, ..Recipe::default() };
         recipe.parameters.insert("atoms".into(), 8.into());
         recipe.photos.push(Photo { file: "a.jpg".into(), sha256: "00".into() });

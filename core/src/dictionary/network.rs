@@ -7,7 +7,7 @@ use faer::{Accum, MatMut, MatRef, Par};
 use ndarray::{Array1, Array2, ArrayView2, s};
 
 use super::features::windows;
-use super::{Base, Error, limits};
+use super::{Error, Interpolation, limits};
 
 /// One layer: `weights`·x + `bias`, and what is negative becomes 0 but in the last.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,7 +27,7 @@ pub struct Network {
     /// Side of the windows (odd), pixels.
     pub support: usize,
     /// Which images of the view stand beside the low one.
-    pub beside: Vec<Base>,
+    pub beside: Vec<Interpolation>,
     /// How many rows of `filters` belong to the low image, then to each image beside it.
     pub shares: Vec<usize>,
     /// Feature filters, m × support²; those of the low image sum to zero.
@@ -61,7 +61,7 @@ impl Network {
         if self.shares.len() != self.beside.len() + 1 || self.shares.iter().sum::<usize>() != m {
             return wrong(format!("{m} filters of {} images are shared as {:?}", self.beside.len() + 1, self.shares));
         }
-        if self.beside.iter().any(|b| !matches!(b, Base::Barycentric | Base::Cubic)) {
+        if self.beside.iter().any(|b| !matches!(b, Interpolation::Barycentric | Interpolation::Cubic)) {
             return wrong("only interpolations of the view's own samples can stand beside it".into());
         }
         let patch = self.patch();
@@ -210,7 +210,7 @@ pub(crate) mod tests {
     use rand::{RngExt, SeedableRng};
 
     /// A network of random numbers: `beside` images, one hidden layer.
-    pub(crate) fn random(seed: u64, beside: &[Base]) -> Network {
+    pub(crate) fn random(seed: u64, beside: &[Interpolation]) -> Network {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut random = |r, c| Array2::from_shape_fn((r, c), |_| rng.random::<f32>() - 0.5);
         let shares: Vec<usize> = (0..=beside.len()).map(|i| 5 - i).collect();
@@ -252,7 +252,7 @@ pub(crate) mod tests {
     #[test]
     fn it_equals_its_definition() {
         let plane = |k: usize| Array2::from_shape_fn((12, 15), |(y, x)| ((y * 31 + x * (17 + k)) % 23) as f32 / 23.0);
-        for beside in [&[][..], &[Base::Cubic], &[Base::Barycentric, Base::Cubic]] {
+        for beside in [&[][..], &[Interpolation::Cubic], &[Interpolation::Barycentric, Interpolation::Cubic]] {
             let network = random(3, beside);
             network.check().unwrap();
             let padded: Vec<Array2<f32>> = (0..=beside.len()).map(|k| pad(plane(k).view(), 3)).collect();
@@ -278,14 +278,14 @@ pub(crate) mod tests {
 
     #[test]
     fn what_does_not_fit_is_named() {
-        let good = random(1, &[Base::Cubic]);
+        let good = random(1, &[Interpolation::Cubic]);
         let wrong = |change: &dyn Fn(&mut Network)| {
             let mut bad = good.clone();
             change(&mut bad);
             bad.check().unwrap_err().to_string()
         };
         assert!(wrong(&|n| n.shares[0] += 1).contains("shared"));
-        assert!(wrong(&|n| n.beside[0] = Base::Multiview).contains("own samples"));
+        assert!(wrong(&|n| n.beside[0] = Interpolation::Multiview).contains("own samples"));
         assert!(wrong(&|n| n.layers[0].bias[0] = f32::NAN).contains("finite"));
         assert!(wrong(&|n| n.layers.truncate(1)).contains("patch"));
         assert!(wrong(&|n| n.support = 8).contains("window"));

@@ -4,7 +4,7 @@
 use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
 
-use super::{Anchored, Base, Error, Model, Network, Pass, extract, pad};
+use super::{Anchored, Error, Interpolation, Model, Network, Pass, extract, pad};
 use crate::sparse;
 
 /// How the residual of a patch is found.
@@ -120,7 +120,7 @@ impl Reconstructor {
 
     /// The images that the network in use wants beside the low one; none where the path is another.
     #[must_use]
-    pub fn beside(&self) -> &[Base] {
+    pub fn beside(&self) -> &[Interpolation] {
         if self.options.path != Path::Network {
             return &[];
         }
@@ -494,10 +494,10 @@ mod tests {
         let without = Reconstructor::new(&model, &options).unwrap();
         assert!(without.beside().is_empty());
         assert_eq!(without.plane(low.view()).unwrap(), plain.plane(low.view()).unwrap());
-        let network = random(5, &[Base::Cubic]);
+        let network = random(5, &[Interpolation::Cubic]);
         model.passes[0].network = Some(network.clone());
         let r = Reconstructor::new(&model, &options).unwrap();
-        assert_eq!((r.beside(), lasso.beside()), (&[Base::Cubic][..], &[][..]));
+        assert_eq!((r.beside(), lasso.beside()), (&[Interpolation::Cubic][..], &[][..]));
         assert_eq!(r.plane(low.view()).unwrap(), plain.plane(low.view()).unwrap());
         assert!(r.plane_beside(low.view(), &[plane(3, 3)]).is_err());
         assert!(Reconstructor::new(&model, &Options { step: 4, ..options.clone() }).is_err());

@@ -9,7 +9,9 @@ use lenslet_core::calibration::{Calibration, Grid, Lattice, Lenslet, Origin, Qua
 use lenslet_core::container::segments::Container;
 use lenslet_core::container::{CameraFacts, Capture, Cfa, ColourFacts, Levels, MlaHint, RawMosaic, write_lfp};
 use lenslet_core::decode::HexSamples;
-use lenslet_core::dictionary::{Anchored, Base, Dictionary, Footprint, Layer, Model, Network, Pass, Recipe, Storage};
+use lenslet_core::dictionary::{
+    Anchored, Dictionary, Footprint, Interpolation, Layer, Model, Network, Pass, Recipe, Storage,
+};
 use ndarray::{Array1, Array2, Array3};
 
 /// A capture of 16×16 pixels.
@@ -191,7 +193,7 @@ pub fn small_dictionary() -> Dictionary {
         anchored: Some(Anchored { anchors: unit(3), maps: Array3::from_elem((3, 4, 9), 0.5) }),
         network: Some(Network {
             support: 5,
-            beside: vec![Base::Cubic],
+            beside: vec![Interpolation::Cubic],
             shares: vec![2, 1],
             filters: Array2::from_shape_fn((3, 25), |(r, c)| (r + c) as f32 * 0.01),
             floor: 0.1,
@@ -202,7 +204,8 @@ pub fn small_dictionary() -> Dictionary {
         }),
     };
     let recipe = Recipe { tool: "test".into(), algorithm: "ksvd".into(), ..Recipe::default() };
-    let model = Model { footprint: Footprint::Lenslet, base: Base::Barycentric, pitch: 3.29, passes: vec![pass] };
+    let model =
+        Model { footprint: Footprint::Lenslet, base: Interpolation::Barycentric, pitch: 3.29, passes: vec![pass] };
     Dictionary { recipe, storage: Storage::I8, models: vec![model] }
 }
 

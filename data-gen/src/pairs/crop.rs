@@ -1,6 +1,6 @@
 //! Crops of a photo with their low image: the hexagonal drop and its re-interpolation (paper section 4.4).
 
-use lenslet_core::dictionary::{Base, Footprint};
+use lenslet_core::dictionary::{Footprint, Interpolation};
 use lenslet_core::sampling::{self, Weights, lattice_samples};
 use ndarray::{Array2, ArrayView2, Axis, s};
 use rand::rngs::ChaCha8Rng;
@@ -19,7 +19,7 @@ pub struct Degradation {
     /// What one sample sees.
     pub footprint: Footprint,
     /// Interpolation of the samples.
-    pub base: Base,
+    pub base: Interpolation,
     /// Standard deviation of noise added to the samples, in units of the encoded range 0..1.
     pub noise: f32,
 }
@@ -30,7 +30,7 @@ impl Default for Degradation {
             pitch: sampling::DEFAULT_PITCH,
             rotation: sampling::DEFAULT_ROTATION,
             footprint: Footprint::Lenslet,
-            base: Base::Barycentric,
+            base: Interpolation::Barycentric,
             noise: 0.0,
         }
     }
@@ -84,7 +84,7 @@ pub fn degrade(
         values.mapv_inplace(|v| v + degradation.noise * normal(rng));
     }
     let low = match degradation.base {
-        Base::Barycentric => Weights::new(&placed.centres, (w, h), (w, h))?.apply(values.view())?,
+        Interpolation::Barycentric => Weights::new(&placed.centres, (w, h), (w, h))?.apply(values.view())?,
         other => return Err(Error::Parameter(format!("pairs on a {other} base are not made from hexagonal samples"))),
     };
     Ok(low.index_axis_move(Axis(2), 0).as_standard_layout().into_owned())
@@ -92,7 +92,7 @@ pub fn degrade(
 
 /// The low image of a rectangular grid: shrunk by the pitch (antialiased), enlarged bicubically.
 fn grid(high: ArrayView2<'_, f32>, degradation: &Degradation, rng: &mut ChaCha8Rng) -> Result<Array2<f32>, Error> {
-    if degradation.base != Base::Bicubic {
+    if degradation.base != Interpolation::Bicubic {
         return Err(Error::Parameter("a rectangular grid needs the bicubic base".into()));
     }
     let (h, w) = high.dim();
@@ -215,7 +215,12 @@ mod tests {
         let luminance = Array2::from_shape_fn((131, 142), |(y, x)| 0.2 + 0.002 * x as f32 + 0.003 * y as f32);
         let ramp = Loaded { name: "p".into(), sha256: String::new(), luminance };
         for pitch in [2.0, 3.0] {
-            let d = Degradation { pitch, footprint: Footprint::Grid, base: Base::Bicubic, ..Degradation::default() };
+            let d = Degradation {
+                pitch,
+                footprint: Footprint::Grid,
+                base: Interpolation::Bicubic,
+                ..Degradation::default()
+            };
             for c in crops(&ramp, 0, 3, 107, 1.0, &d, 1).unwrap() {
                 let (h, w) = c.high.dim();
                 assert_eq!(((h + 2 * BORDER) % pitch as usize, (w + 2 * BORDER) % pitch as usize), (0, 0));
