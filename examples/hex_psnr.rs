@@ -10,11 +10,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow, bail, ensure};
-use lenslet::infer::{Measured, Mode, Options, Reconstructor, back_project, embedded};
 use lenslet_core::dictionary::{self, Dictionary, Footprint};
 use lenslet_core::metrics::{self, Window};
 use lenslet_core::sampling::{self, Cubic, DEFAULT_PITCH, DEFAULT_ROTATION, Weights, bicubic, lattice_samples};
 use lenslet_data_gen::pairs::load_photo;
+use lenslet_views::reconstruct::{Measured, Mode, Options, Reconstructor, back_project, embedded};
 use ndarray::{Array2, ArrayView2, Axis, s};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};

@@ -8,8 +8,6 @@
 //! luminance, before and after, of the centre view; the mean, the least and the view of the least gain over all views.
 
 use anyhow::{Context, anyhow, bail};
-use lenslet::infer::{self, Faithful, Mode, Options, Reconstructor};
-use lenslet::resample::{Target, encode, multiview};
 use lenslet_core::calibration;
 use lenslet_core::decode;
 use lenslet_core::dictionary::{self, Dictionary, Interpolation};
@@ -17,6 +15,8 @@ use lenslet_core::lightfield::{ColourSpace, colour};
 use lenslet_core::metrics::{self, luminance};
 use lenslet_core::progress::Silent;
 use lenslet_data_gen::simulate::{self, Camera, Kind, Scene};
+use lenslet_views::reconstruct::{self, Faithful, Mode, Options, Reconstructor};
+use lenslet_views::{Target, encode, multiview};
 use ndarray::{Array3, Axis};
 use serde_json::{Map, Value, json};
 
@@ -119,7 +119,7 @@ fn main() -> anyhow::Result<()> {
     let dictionary = match &a.dictionary {
         Some(given) => given,
         None => {
-            embedded = infer::embedded_for(Interpolation::Multiview)?;
+            embedded = reconstruct::embedded_for(Interpolation::Multiview)?;
             &embedded
         }
     };

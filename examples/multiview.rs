@@ -13,15 +13,16 @@ use std::time::Instant;
 
 use anyhow::{Context, anyhow, bail, ensure};
 use lenslet::apps::relief;
-use lenslet::infer::{self, Faithful, Reconstructor};
-use lenslet::resample::multiview::{self, Bundle, Options, Surfaces};
-use lenslet::resample::{Target, barycentric, cubic};
 use lenslet_core::decode::{HexSamples, npz};
 use lenslet_core::dictionary::Interpolation;
 use lenslet_core::lightfield::{self, ColourSpace, LightField, ReadOptions, colour};
 use lenslet_core::metrics::{self, Window};
 use lenslet_core::progress::Silent;
 use lenslet_core::sampling::{DEFAULT_PITCH, DEFAULT_ROTATION, Footprint, lattice_samples};
+use lenslet_views::Target;
+use lenslet_views::interpolate::{barycentric, cubic};
+use lenslet_views::multiview::{self, Bundle, Options, Surfaces};
+use lenslet_views::reconstruct::{self, Faithful, Reconstructor};
 use ndarray::{Array2, Array3, Axis, s};
 use serde_json::{Map, Value, json};
 
@@ -119,8 +120,8 @@ fn learned(
     wanted: &[(usize, usize)],
     refined: &[Array3<f32>],
 ) -> anyhow::Result<Vec<Array3<f32>>> {
-    let dictionary = infer::embedded_for(Interpolation::Multiview)?;
-    let reconstructor = Reconstructor::new(&dictionary, &infer::Options::default())?;
+    let dictionary = reconstruct::embedded_for(Interpolation::Multiview)?;
+    let reconstructor = Reconstructor::new(&dictionary, &reconstruct::Options::default())?;
     let size = (target.width, target.height);
     let faithful = Faithful::new(&reconstructor, samples, Interpolation::Multiview, size, None)?;
     let one = |(&(v, u), view): (&(usize, usize), &Array3<f32>)| {

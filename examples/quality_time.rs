@@ -8,11 +8,11 @@
 use std::path::Path as FilePath;
 
 use anyhow::{anyhow, bail, ensure};
-use lenslet::infer::embedded;
 use lenslet_core::dictionary::{self, Footprint, Options, Path, Reconstructor};
 use lenslet_core::metrics;
 use lenslet_core::sampling::{self, DEFAULT_PITCH, DEFAULT_ROTATION, Weights, lattice_samples};
 use lenslet_data_gen::pairs::load_photo;
+use lenslet_views::reconstruct::embedded;
 use ndarray::{Array2, Axis, s};
 use serde_json::{Value, json};
 

@@ -11,10 +11,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow, bail, ensure};
 use image::DynamicImage;
-use lenslet::infer::{Mode, Options, Reconstructor};
 use lenslet_core::dictionary::{self, Dictionary, Footprint};
 use lenslet_core::sampling::bicubic;
 use lenslet_data_gen::pairs::{Kernel, reduce};
+use lenslet_views::reconstruct::{Mode, Options, Reconstructor};
 use ndarray::{Array2, Axis, s};
 use serde_json::{Value, json};
 

@@ -2,6 +2,6 @@
 
 pub mod ablation;
 pub mod apps;
-pub mod infer;
 pub mod report;
-pub mod resample;
+
+pub use lenslet_views::{disparity, multiview, reconstruct};

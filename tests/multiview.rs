@@ -3,12 +3,13 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a test may fail loudly
 
 use anyhow::Result;
-use lenslet::resample::multiview::{Fit, Options, hidden_score, render, render_light_field};
-use lenslet::resample::{Target, barycentric, cubic};
 use lenslet_core::decode::HexSamples;
 use lenslet_core::lightfield::{self, ColourSpace, Format, LightField, Meta, ReadOptions};
 use lenslet_core::progress::Silent;
 use lenslet_core::sampling::bicubic;
+use lenslet_views::Target;
+use lenslet_views::interpolate::{barycentric, cubic};
+use lenslet_views::multiview::{Fit, Options, hidden_score, render, render_light_field};
 use ndarray::{Array2, Array3, Array5, ArrayView3, s};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};

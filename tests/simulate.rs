@@ -5,7 +5,6 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use lenslet::resample::{self, Method, RenderOptions, Target};
 use lenslet_core::calibration::{self, Calibration};
 use lenslet_core::container;
 use lenslet_core::decode::{self, HexSamples};
@@ -13,6 +12,7 @@ use lenslet_core::lightfield::{self, ColourSpace, ReadOptions, colour};
 use lenslet_core::metrics;
 use lenslet_core::progress::Silent;
 use lenslet_data_gen::simulate::{self, Camera, Kind, Lenslets, Options, Scene, Simulation};
+use lenslet_views::{Method, RenderOptions, Target};
 use ndarray::{Array2, Array3, s};
 
 fn lenslet(arguments: &[&str]) -> Output {
@@ -41,7 +41,7 @@ fn view(samples: &HexSamples, target: Target, method: Method) -> Array3<f32> {
         views.push(view.clone());
         Ok(())
     };
-    resample::render(samples, &target, method, &RenderOptions::default(), &mut keep, &Silent).unwrap();
+    lenslet_views::render(samples, &target, method, &RenderOptions::default(), &mut keep, &Silent).unwrap();
     let mut view = views.pop().unwrap();
     view.mapv_inplace(|v| v.clamp(0.0, 1.0));
     colour::convert(&mut view, ColourSpace::Linear, ColourSpace::Srgb);

@@ -19,8 +19,8 @@ use super::record::Scored;
 use super::render::{Kept, render};
 use super::world::Worlds;
 use super::{Settings, dictionaries, picture, scores};
-use crate::infer;
-use crate::resample::{Target, multiview};
+use lenslet_views::reconstruct;
+use lenslet_views::{Target, multiview};
 
 /// Share of lenslets hidden on real captures.
 const HIDDEN: f64 = 0.1;
@@ -151,7 +151,7 @@ fn embedded(way: Way) -> Result<Option<Dictionary>> {
         Way::LearnedMultiview => Interpolation::Multiview,
         _ => return Ok(None),
     };
-    infer::embedded_for(base).map(Some).context("the embedded dictionary")
+    reconstruct::embedded_for(base).map(Some).context("the embedded dictionary")
 }
 
 /// The dictionary of the run: trained for it, or the embedded one where its way needs one.

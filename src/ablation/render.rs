@@ -13,8 +13,9 @@ use lenslet_core::progress::Observer;
 use ndarray::{Array3, Axis};
 
 use super::matrix::Way;
-use crate::infer;
-use crate::resample::{Target, barycentric, bicubic, cubic, multiview};
+use lenslet_views::interpolate::{barycentric, bicubic, cubic};
+use lenslet_views::reconstruct;
+use lenslet_views::{Target, multiview};
 
 /// Views of linear light, and what they cost.
 pub(super) struct Rendered {
@@ -153,10 +154,10 @@ fn sharpened(
     observer: &dyn Observer,
 ) -> Result<Vec<Array3<f32>>> {
     // The truth is what a lenslet sees, so a sample is the truth at a point.
-    let options = infer::Options { footprint: Footprint::Point, ..infer::Options::default() };
-    let reconstructor = infer::Reconstructor::new(dictionary, &options)?;
+    let options = reconstruct::Options { footprint: Footprint::Point, ..reconstruct::Options::default() };
+    let reconstructor = reconstruct::Reconstructor::new(dictionary, &options)?;
     let made = if base == Way::Multiview { Interpolation::Multiview } else { Interpolation::Barycentric };
-    let faithful = infer::Faithful::new(&reconstructor, samples, made, (target.width, target.height), None)?;
+    let faithful = reconstruct::Faithful::new(&reconstructor, samples, made, (target.width, target.height), None)?;
     low.iter()
         .zip(wanted)
         .map(|(view, &(v, u))| {

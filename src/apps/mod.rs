@@ -1,6 +1,5 @@
 //! What a light field is for: disparity, refocusing, moving the viewpoint, a page to play with.
 
-pub mod disparity;
 pub mod picture;
 pub mod refocus;
 pub mod relief;

@@ -4,7 +4,7 @@ use anyhow::{Result, ensure};
 use ndarray::{Array2, Array3, ArrayView2, ArrayView3, ArrayView5, s};
 use rayon::prelude::*;
 
-use super::disparity::{self, LUMINANCE, cubic_weights};
+use lenslet_views::disparity::{self, LUMINANCE, cubic_weights};
 
 /// Rows of the picture made together: every row of a view is fetched once for the four output rows it enters, and the sums
 /// of a band stay in the cache of a core.

@@ -6,12 +6,12 @@ mod inputs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use lenslet::resample::{self, Method, RenderOptions, Target};
 use lenslet_core::calibration::Calibration;
 use lenslet_core::container::{self, Capture};
 use lenslet_core::decode::{self, Demosaic, HexSamples, Step, WhiteBalance, npz};
 use lenslet_core::lightfield::{self, Meta};
 use lenslet_core::progress::Observer;
+use lenslet_views::{Method, RenderOptions, Target};
 use serde_json::{Value, json};
 
 use super::written::Written;
@@ -299,12 +299,12 @@ fn one(args: &Args, job: &Job, shelf: &mut Shelf, context: &Context) -> anyhow::
         if args.written.linear {
             sink.write(v, u, view)?;
         } else {
-            sink.write(v, u, &resample::encode::srgb(view))?;
+            sink.write(v, u, &lenslet_views::encode::srgb(view))?;
         }
         writing += begin.elapsed();
         Ok(())
     };
-    resample::render(&samples, &target, args.method, &rendering, &mut put, progress)
+    lenslet_views::render(&samples, &target, args.method, &rendering, &mut put, progress)
         .map_err(|e| if progress.cancelled() { Interrupted.into() } else { e })?;
     progress.check()?;
     let kept = if args.no_samples { None } else { Some(keep_samples(args, job, &*sink, &samples)?) };

@@ -5,10 +5,8 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::Context as _;
-use lenslet::infer;
 use lenslet::report::picture::{self, Crop};
 use lenslet::report::{Page, Picture, Stage, Table, plot};
-use lenslet::resample::{self, Method, RenderOptions, Target, encode, multiview};
 use lenslet_core::calibration::{self, Calibration};
 use lenslet_core::decode::{self, HexSamples};
 use lenslet_core::dictionary::Interpolation;
@@ -17,6 +15,8 @@ use lenslet_core::metrics::{self, Window};
 use lenslet_core::output::{self, Pending};
 use lenslet_core::progress::Observer;
 use lenslet_data_gen::simulate::{self, Camera, Kind, Lenslets, Options, Scene, Truth};
+use lenslet_views::reconstruct;
+use lenslet_views::{Method, RenderOptions, Target, encode, multiview};
 use ndarray::{Array3, Axis};
 use serde_json::{Value, json};
 
@@ -155,7 +155,7 @@ fn reconstruct(samples: &HexSamples, target: &Target, observer: &dyn Observer) -
         let mut views = Vec::new();
         for (v, u) in SCORED {
             let options = RenderOptions::default();
-            resample::render(&single(samples, v, u), target, method, &options, &mut keep(&mut views), observer)?;
+            lenslet_views::render(&single(samples, v, u), target, method, &options, &mut keep(&mut views), observer)?;
         }
         results.push(Reconstruction { name, about, views, seconds: began.elapsed().as_secs_f64(), scores: Vec::new() });
     }
@@ -186,10 +186,10 @@ fn reconstruct(samples: &HexSamples, target: &Target, observer: &dyn Observer) -
         ),
     ] {
         let began = Instant::now();
-        let dictionary = infer::embedded_for(base)?;
-        let reconstructor = infer::Reconstructor::new(&dictionary, &infer::Options::default())?;
+        let dictionary = reconstruct::embedded_for(base)?;
+        let reconstructor = reconstruct::Reconstructor::new(&dictionary, &reconstruct::Options::default())?;
         let size = (target.width, target.height);
-        let faithful = infer::Faithful::new(&reconstructor, samples, base, size, None)?;
+        let faithful = reconstruct::Faithful::new(&reconstructor, samples, base, size, None)?;
         observer.begin(name, SCORED.len() as u64);
         let mut views = Vec::new();
         for (view, (v, u)) in results.iter().filter(|r| r.name == from).flat_map(|r| &r.views).zip(SCORED) {

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use lenslet::apps::{disparity, picture, relief};
-use lenslet::resample::multiview::front_of;
 use lenslet_core::output::Pending;
 use lenslet_core::progress::Observer;
+use lenslet_views::multiview::front_of;
 use ndarray::{Array2, s};
 use serde_json::{Value, json};
 

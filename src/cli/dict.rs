@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use lenslet::infer;
 use lenslet_core::dictionary::{self, Dictionary};
+use lenslet_views::reconstruct;
 use serde_json::{Value, json};
 
 use super::{Context, Outcome, Usage};
@@ -42,12 +42,12 @@ A .safetensors file, or a folder of .npy files with dictionary.json. Names are M
 }
 
 /// A dictionary by name or file. A file that exists is taken before a name; those of
-/// [`infer::names`] are inside the program; another name without folders is also looked for as NAME.lfd in `dictionaries/` here and beside the program.
+/// [`reconstruct::names`] are inside the program; another name without folders is also looked for as NAME.lfd in `dictionaries/` here and beside the program.
 pub fn find(name: &Path) -> anyhow::Result<Dictionary> {
     if name.is_file() {
         return Ok(dictionary::load(name)?);
     }
-    if let Some(found) = name.to_str().and_then(infer::named) {
+    if let Some(found) = name.to_str().and_then(reconstruct::named) {
         return Ok(found?);
     }
     if name.components().count() == 1 {
@@ -59,7 +59,7 @@ pub fn find(name: &Path) -> anyhow::Result<Dictionary> {
             }
         }
         if name.extension().is_none() {
-            let known: Vec<&str> = infer::names().collect();
+            let known: Vec<&str> = reconstruct::names().collect();
             anyhow::bail!(
                 "there is no dictionary {}: give a file, one of {}, or a name in dictionaries/",
                 name.display(),

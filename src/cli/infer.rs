@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
-use lenslet::infer::{self, Enlargement, Mode, Options, Reconstructor};
-use lenslet::resample::Method;
 use lenslet_core::decode::{HexSamples, npz};
 use lenslet_core::dictionary::{self, Footprint, Interpolation};
 use lenslet_core::lightfield::{self, ColourSpace, Meta, ReadOptions};
 use lenslet_core::progress::Observer;
+use lenslet_views::Method;
+use lenslet_views::reconstruct::{self, Enlargement, Mode, Options, Reconstructor};
 use serde_json::json;
 
 use super::written::Written;
@@ -141,7 +141,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let format = args.written.format();
     let mut sink = lightfield::create(&args.written.out, meta.clone(), format, args.written.force)?;
     let began = std::time::Instant::now();
-    let done = infer::light_field(
+    let done = reconstruct::light_field(
         &*source,
         &mut *sink,
         meta.colour,
@@ -172,7 +172,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
 /// The dictionary inside the program for a light field that says how its views were made.
 fn own(meta: &Meta) -> &'static str {
     let refined = meta.method.as_deref() == Some(Method::Multiview.name());
-    infer::name_for(if refined { Interpolation::Multiview } else { Interpolation::Barycentric })
+    reconstruct::name_for(if refined { Interpolation::Multiview } else { Interpolation::Barycentric })
 }
 
 /// The samples that decode left with the light field.

@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use lenslet::apps::disparity;
-use lenslet::infer::Enlargement;
-use lenslet::resample::Target;
-use lenslet::resample::multiview::{self, Bundle, Options};
 use lenslet_core::decode::{HexSamples, npz};
 use lenslet_core::lightfield::{self, ColourSpace, LightField, ReadOptions, colour};
 use lenslet_core::progress::Observer as _;
+use lenslet_views::Target;
+use lenslet_views::disparity;
+use lenslet_views::multiview::{self, Bundle, Options};
+use lenslet_views::reconstruct::Enlargement;
 use ndarray::Array3;
 use serde_json::json;
 

@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use lenslet::apps::{disparity, picture, viewer};
-use lenslet::resample::multiview::front_of;
 use lenslet_core::output;
 use lenslet_core::progress::Observer;
+use lenslet_views::multiview::front_of;
 use ndarray::Array2;
 use serde_json::json;
 

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use lenslet::apps::{disparity, picture, viewpoint};
-use lenslet::resample::multiview::front_of;
 use lenslet_core::progress::Observer;
+use lenslet_views::multiview::front_of;
 use serde_json::json;
 
 use super::refocus::{ending, load, write_pictures};

@@ -11,6 +11,7 @@
 
 pub mod anchored;
 mod atoms;
+mod captured_crops;
 mod checkpoint;
 mod data;
 pub mod ksvd;
@@ -22,6 +23,7 @@ pub mod refine;
 mod run;
 mod statistics;
 
+pub use captured_crops::captured_crops;
 pub use data::Data;
 pub use network::NetworkParameters;
 pub use parameters::{Algorithm, Coupling, Parameters};

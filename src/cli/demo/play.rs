@@ -5,10 +5,10 @@ use std::path::Path;
 use lenslet::apps::refocus::{self, Shape};
 use lenslet::apps::{disparity, picture, relief, viewer};
 use lenslet::report::{Picture, picture::strip};
-use lenslet::resample::{self, Method, RenderOptions, Target, multiview};
 use lenslet_core::decode::HexSamples;
 use lenslet_core::output;
 use lenslet_core::progress::Observer;
+use lenslet_views::{Method, RenderOptions, Target, multiview};
 use ndarray::{Array3, Array5, s};
 
 /// The page, and the pictures of the report.
@@ -34,7 +34,7 @@ pub(super) fn write(
     let mut field = Stack::new(n);
     let options = RenderOptions::default();
     let mut sink = |v: usize, u: usize, view: &Array3<f32>| field.put(v, u, view);
-    resample::render(samples, target, Method::Barycentric, &options, &mut sink, observer)?;
+    lenslet_views::render(samples, target, Method::Barycentric, &options, &mut sink, observer)?;
     let plain = viewer::set("barycentric", &field.data.view(), SIDE);
     let mut sink = |v: usize, u: usize, view: &Array3<f32>| field.put(v, u, view);
     multiview::render(samples, target, &multiview::Options::default(), &mut sink, observer)?;

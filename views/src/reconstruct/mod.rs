@@ -1,20 +1,18 @@
 //! Learned reconstruction of views and whole light fields (paper section 4.4): eq. (4) on the luminance of every view,
 //! colour differences of the interpolated view guided by it, and measured samples kept true.
 
-mod back_project;
-mod captures;
+mod data_consistent;
+mod embedded;
 mod guided;
 mod light_field;
-mod measured;
 mod noise;
-mod shelf;
+mod sampling_operator;
 
-pub use back_project::{Measured, back_project};
-pub use captures::captured_crops;
+pub use data_consistent::{Faithful, Truth};
+pub use embedded::{embedded, embedded_for, name_for, named, names};
 pub use light_field::{Enlargement, light_field};
-pub use measured::{Faithful, Truth};
 pub use noise::Noise;
-pub use shelf::{embedded, embedded_for, name_for, named, names};
+pub use sampling_operator::{Measured, back_project};
 
 use lenslet_core::dictionary::{self, Dictionary, Footprint, Interpolation, Path};
 use lenslet_core::metrics::luminance;

@@ -1,13 +1,15 @@
 //! Whole light fields, view after view.
 
 use lenslet_core::decode::HexSamples;
-use lenslet_core::dictionary::{self, Interpolation};
+use lenslet_core::dictionary::Interpolation;
 use lenslet_core::lightfield::{ColourSpace, Meta, ViewSink, ViewSource, colour};
 use lenslet_core::progress::Observer;
 use lenslet_core::sampling::bicubic;
 use ndarray::{Array3, Axis};
 
 use super::{Faithful, Reconstructor};
+use crate::Error;
+use crate::error::{ensure_parameter, ensure_shape};
 
 /// What is done to a view before it is reconstructed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,7 +30,7 @@ impl Enlargement {
         }
     }
 
-    fn apply(self, view: Array3<f32>) -> anyhow::Result<Array3<f32>> {
+    fn apply(self, view: Array3<f32>) -> Result<Array3<f32>, Error> {
         let (h, w, _) = view.dim();
         let [rows, columns] = self.size([h, w]);
         if (rows, columns) == (h, w) { Ok(view) } else { Ok(bicubic::resize(view.view(), columns, rows)?) }
@@ -41,7 +43,7 @@ impl Enlargement {
 ///
 /// # Errors
 /// Views that cannot be read or written, samples of other views, a factor out of range, interruption
-/// ([`dictionary::Error::Interrupted`]).
+/// ([`Error::Interrupted`]).
 pub fn light_field(
     source: &dyn ViewSource,
     sink: &mut dyn ViewSink,
@@ -50,9 +52,9 @@ pub fn light_field(
     enlargement: Enlargement,
     samples: Option<(&HexSamples, Option<f32>)>,
     observer: &dyn Observer,
-) -> anyhow::Result<()> {
+) -> Result<(), Error> {
     if let Enlargement::Bicubic(f) = enlargement {
-        anyhow::ensure!((1.0..=16.0).contains(&f), "views cannot be enlarged by {f} (1 to 16)");
+        ensure_parameter!((1.0..=16.0).contains(&f), "views cannot be enlarged by {f} (1 to 16)");
     }
     let meta: &Meta = source.meta();
     let [rows, columns] = meta.views;
@@ -61,7 +63,7 @@ pub fn light_field(
         if meta.method.as_deref() == Some("multiview") { Interpolation::Multiview } else { Interpolation::Barycentric };
     let faithful = match samples {
         Some((samples, noise)) => {
-            anyhow::ensure!(
+            ensure_shape!(
                 samples.views == rows && samples.views == columns && samples.values.dim().0 == rows * columns,
                 "the samples are of {0}x{0} views, the light field has {rows}x{columns}",
                 samples.views
@@ -73,9 +75,7 @@ pub fn light_field(
     observer.begin("learned reconstruction", (rows * columns) as u64);
     for v in 0..rows {
         for u in 0..columns {
-            if observer.cancelled() {
-                return Err(dictionary::Error::Interrupted.into());
-            }
+            observer.check()?;
             let mut view = source.read(v, u)?;
             colour::convert(&mut view, meta.colour, ColourSpace::Srgb);
             let low = enlargement.apply(view)?;

@@ -12,13 +12,13 @@ use lenslet_core::metrics::luminance;
 use lenslet_core::progress::{Observer, Silent};
 use lenslet_data_gen::pairs::{Crop, find_photos, load_photo};
 use lenslet_data_gen::simulate::{self, Camera, Kind, Scene};
-use lenslet_train::{Data, Error, Parameters};
 use ndarray::{Array2, Array3, Axis, s};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
-use super::Truth;
-use crate::resample::{Target, encode, multiview};
+use crate::{Data, Error, Parameters};
+use lenslet_views::reconstruct::Truth;
+use lenslet_views::{Target, encode, multiview};
 
 /// Photos that share a scene.
 const PHOTOS: usize = 3;
@@ -35,7 +35,7 @@ const NOISE: f64 = 3.0;
 /// Pixels left out at the border of a view.
 const BORDER: usize = 12;
 
-/// Crops for [`lenslet_train::train_on`] from photos (files, or folders that are searched): twice `parameters.crops` for
+/// Crops for [`crate::train_on`] from photos (files, or folders that are searched): twice `parameters.crops` for
 /// every photo that trains, of `parameters.crop` pixels a side; every `held_out`-th photo only before captures that do not
 /// train. For every two captures of photos there is one of a drawn scene, of a seed of its own.
 ///
@@ -110,7 +110,7 @@ fn stop(observer: &dyn Observer) -> Result<(), Error> {
 type Draw<'a> = &'a dyn Fn(&Camera, f64, u64) -> Result<Scene, simulate::Error>;
 
 /// Crops of one capture.
-fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) -> anyhow::Result<Vec<Crop>> {
+fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) -> Result<Vec<Crop>, Error> {
     let mut rng = ChaCha8Rng::seed_from_u64(parameters.seed);
     rng.set_stream((5 << 60) | index as u64);
     // As many output pixels as two crops and their borders take, at the camera's own scale.
@@ -143,7 +143,7 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
     let mut keep = |v: usize, u: usize, view: &Array3<f32>| {
         let values = samples.values.index_axis(Axis(0), v * VIEWS + u);
         refined.push(truth.keep(&luminance(encode::srgb(view).view()), values, true)?);
-        beside.push(alone.iter().map(|&base| truth.alone(values, base)).collect::<anyhow::Result<Vec<_>>>()?);
+        beside.push(alone.iter().map(|&base| truth.alone(values, base)).collect::<Result<Vec<_>, _>>()?);
         Ok(())
     };
     multiview::render(&samples, &target, &wanted, &mut keep, &Silent)?;

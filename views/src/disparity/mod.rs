@@ -4,13 +4,17 @@
 //! Disparity D is in output pixels per view step: the scene point at x of the reference view appears at x + D·u, y + D·v in the
 //! view (v, u) steps away. The HCI benchmark counts the other way round: its disparity is −D.
 
+mod carry;
+mod errors;
 mod planes;
 mod regularise;
 mod specks;
 mod sweep;
 mod tensor;
 
-use lenslet_core::progress::Observer;
+pub use carry::{carry, carry_plane};
+pub use errors::{Errors, errors};
+use lenslet_core::progress::{Interrupted, Observer};
 use ndarray::{Array2, ArrayView5, s};
 pub use planes::{LUMINANCE, Plane, cubic_weights, luminance};
 use rayon::prelude::*;
@@ -79,15 +83,15 @@ pub enum Error {
     #[error("{0}")]
     Parameter(String),
     /// The observer asked to stop.
-    #[error("interrupted")]
-    Interrupted,
+    #[error(transparent)]
+    Interrupted(#[from] Interrupted),
 }
 
 /// Estimates the disparity of the reference view of the light field `data` (v, u, t, s, c).
 ///
 /// # Errors
 /// [`Error::Shape`] when there are fewer than two views or no pixels, [`Error::Parameter`] for options out of range,
-/// [`Error::Interrupted`] when the observer cancels.
+/// [`Error::Interrupted`] once the observer cancels.
 pub fn estimate(data: &ArrayView5<f32>, options: &Options, observer: &dyn Observer) -> Result<Disparity, Error> {
     let (rows, columns, height, width, channels) = data.dim();
     if rows * columns < 2 || height == 0 || width == 0 {

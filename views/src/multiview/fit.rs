@@ -2,7 +2,7 @@
 //! by a few steps of diagonally preconditioned descent from the prior, which is what one view alone gives. The samples of the
 //! other views are fitted first; those of the view itself then judge the fit (see [`super::trust`]) and enter last.
 
-use anyhow::Result;
+use crate::Error;
 use ndarray::Array3;
 
 use super::surfaces::step;
@@ -64,7 +64,7 @@ const OWN: f32 = 2.0;
 const TOLERANCE: f32 = 0.6;
 
 /// Renders the view `at` (row, column).
-pub(super) fn view(bundle: &Bundle, surfaces: &Surfaces, at: (usize, usize)) -> Result<Array3<f32>> {
+pub(super) fn view(bundle: &Bundle, surfaces: &Surfaces, at: (usize, usize)) -> Result<Array3<f32>, Error> {
     let prior = bundle.single(at.0, at.1)?;
     let (h, w, c) = prior.dim();
     if w < 2 || h < 2 {

@@ -9,7 +9,8 @@ mod refine;
 mod surfaces;
 mod trust;
 
-use anyhow::{Result, ensure};
+use crate::Error;
+use crate::error::ensure_shape;
 pub use bundle::Bundle;
 pub use hidden::{HiddenScore, hidden_score};
 use lenslet_core::decode::HexSamples;
@@ -19,8 +20,8 @@ use ndarray::Array3;
 use rayon::prelude::*;
 pub use surfaces::{Surfaces, front_of};
 
-use super::{Sink, Target};
-use crate::apps::disparity;
+use crate::disparity;
+use crate::target::{Sink, Target};
 
 /// How the image is made of the scattered samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -69,7 +70,7 @@ pub fn render(
     options: &Options,
     sink: Sink<'_>,
     observer: &dyn Observer,
-) -> Result<()> {
+) -> Result<(), Error> {
     let bundle = Bundle::hexagonal(samples, target)?;
     render_bundle(&bundle, options, sink, observer)
 }
@@ -84,7 +85,7 @@ pub fn render_light_field(
     options: &Options,
     sink: Sink<'_>,
     observer: &dyn Observer,
-) -> Result<()> {
+) -> Result<(), Error> {
     let bundle = Bundle::rectangular(field, target)?;
     render_bundle(&bundle, options, sink, observer)
 }
@@ -93,7 +94,7 @@ pub fn render_light_field(
 ///
 /// # Errors
 /// As [`render`].
-pub fn render_bundle(bundle: &Bundle, options: &Options, sink: Sink<'_>, observer: &dyn Observer) -> Result<()> {
+pub fn render_bundle(bundle: &Bundle, options: &Options, sink: Sink<'_>, observer: &dyn Observer) -> Result<(), Error> {
     let surfaces = Surfaces::estimate(bundle, options, observer)?;
     render_surfaces(bundle, &surfaces, options, sink, observer)
 }
@@ -108,17 +109,17 @@ pub fn render_surfaces(
     options: &Options,
     sink: Sink<'_>,
     observer: &dyn Observer,
-) -> Result<()> {
+) -> Result<(), Error> {
     let (rows, columns) = bundle.views();
     let all = || (0..rows).flat_map(|v| (0..columns).map(move |u| (v, u))).collect();
     let views: Vec<(usize, usize)> = options.views.clone().unwrap_or_else(all);
-    ensure!(views.iter().all(|&(v, u)| v < rows && u < columns), "there are only {rows}x{columns} views");
+    ensure_shape!(views.iter().all(|&(v, u)| v < rows && u < columns), "there are only {rows}x{columns} views");
     observer.begin("multi-view refinement", views.len() as u64);
     for some in views.chunks(ABREAST.min(rayon::current_num_threads()).max(1)) {
-        let images: Vec<Result<Array3<f32>>> = some
+        let images: Vec<Result<Array3<f32>, Error>> = some
             .par_iter()
             .map(|&at| {
-                ensure!(!observer.cancelled(), disparity::Error::Interrupted);
+                observer.check()?;
                 match options.fit {
                     Fit::Smooth => fit::view(bundle, surfaces, at),
                     Fit::Triangulation => mesh::view(bundle, surfaces, at),

@@ -1,14 +1,14 @@
 //! Section 4.3 as the paper has it: all samples at their exact places are triangulated, and the remaining pixels interpolated
 //! barycentrically. Samples closer than half a pixel are joined to their mean first.
 
-use anyhow::Result;
+use crate::Error;
 use lenslet_core::sampling::Weights;
 use ndarray::{Array2, Array3};
 
 use super::{Bundle, Surfaces, fit};
 
 /// Renders the view `at` (row, column).
-pub(super) fn view(bundle: &Bundle, surfaces: &Surfaces, at: (usize, usize)) -> Result<Array3<f32>> {
+pub(super) fn view(bundle: &Bundle, surfaces: &Surfaces, at: (usize, usize)) -> Result<Array3<f32>, Error> {
     let size = (bundle.target.width, bundle.target.height);
     let c = bundle.channels();
     if size.0 < 2 || size.1 < 2 {

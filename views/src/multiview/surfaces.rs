@@ -1,14 +1,14 @@
 //! Disparity of every view: the middle view's, carried to where each view sees the surfaces, the nearest in front, gaps filled
 //! with what lies behind.
 
-use anyhow::{Result, ensure};
+use crate::Error;
+use crate::error::ensure_shape;
 use lenslet_core::progress::Observer;
 use ndarray::Array2;
 use rayon::prelude::*;
 
 use super::{Bundle, Options};
-use crate::apps::disparity::{self, Disparity, Plane};
-use crate::apps::relief::carry_plane;
+use crate::disparity::{self, Disparity, Plane, carry_plane};
 
 /// Disparity maps of all views on a common working grid.
 pub struct Surfaces {
@@ -31,12 +31,12 @@ impl Surfaces {
     ///
     /// # Errors
     /// Options out of range, interruption.
-    pub fn estimate(bundle: &Bundle, options: &Options, observer: &dyn Observer) -> Result<Self> {
+    pub fn estimate(bundle: &Bundle, options: &Options, observer: &dyn Observer) -> Result<Self, Error> {
         let (rows, columns) = bundle.views();
         let (grid, scale) = bundle.brightness(options.disparity.side.clamp(16, 2048))?;
         let middle = match &options.known {
             Some(known) => {
-                ensure!(
+                ensure_shape!(
                     !known.is_empty() && known.iter().all(|d| d.is_finite()),
                     "the known disparity has values that are not numbers"
                 );
@@ -60,7 +60,7 @@ impl Surfaces {
                 found
             }
         };
-        ensure!(!observer.cancelled(), disparity::Error::Interrupted);
+        observer.check()?;
         let size = (bundle.target.width, bundle.target.height);
         let (height, width) = middle.disparity.dim();
         let scale = [size.0 as f32 / width as f32, size.1 as f32 / height as f32];
@@ -165,7 +165,7 @@ fn front(central: &Plane, grid: &[Vec<Plane>], scale: [f32; 2], views: (usize, u
 ///
 /// # Errors
 /// Views of other than one or three channels.
-pub fn front_of(data: &ndarray::ArrayView5<f32>, disparity: &Array2<f32>) -> Result<f32> {
+pub fn front_of(data: &ndarray::ArrayView5<f32>, disparity: &Array2<f32>) -> Result<f32, Error> {
     let (rows, columns, ..) = data.dim();
     let (height, width) = disparity.dim();
     let mut grid = vec![vec![Plane::filled(1, 1, 0.0); columns]; rows];

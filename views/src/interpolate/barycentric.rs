@@ -4,13 +4,14 @@ use lenslet_core::decode::HexSamples;
 use lenslet_core::sampling::Weights;
 use ndarray::{Array3, ArrayView2};
 
-use super::Target;
+use crate::Error;
+use crate::target::Target;
 
 /// The weight table for these centres and this target; good for every view and every capture of the camera.
 ///
 /// # Errors
 /// Centres that cannot be triangulated, a target out of range.
-pub fn prepare(samples: &HexSamples, target: &Target) -> anyhow::Result<Weights> {
+pub fn prepare(samples: &HexSamples, target: &Target) -> Result<Weights, Error> {
     Ok(Weights::new(&samples.centres, samples.sensor, (target.width, target.height))?)
 }
 
@@ -18,6 +19,6 @@ pub fn prepare(samples: &HexSamples, target: &Target) -> anyhow::Result<Weights>
 ///
 /// # Errors
 /// Values that do not belong to the table.
-pub fn view(prepared: &Weights, values: ArrayView2<'_, f32>) -> anyhow::Result<Array3<f32>> {
+pub fn view(prepared: &Weights, values: ArrayView2<'_, f32>) -> Result<Array3<f32>, Error> {
     Ok(prepared.apply(values)?)
 }

@@ -1,13 +1,14 @@
 //! A score with no ground truth: hide some lenslets of a real capture, render from the rest, measure where they were.
 
-use anyhow::{Result, ensure};
+use crate::Error;
+use crate::error::ensure_shape;
 use lenslet_core::decode::HexSamples;
 use lenslet_core::sampling::bicubic;
 use ndarray::{Array3, Axis};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
-use super::super::Target;
+use crate::target::Target;
 
 /// How well hidden lenslets were foretold.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,13 +30,16 @@ pub fn hidden_score(
     share: f64,
     seed: u64,
     at: (usize, usize),
-    render: &mut dyn FnMut(&HexSamples) -> Result<Array3<f32>>,
-) -> Result<HiddenScore> {
-    ensure!(share > 0.0 && share < 0.5, "the share of hidden lenslets must be above 0 and below 0.5, not {share}");
+    render: &mut dyn FnMut(&HexSamples) -> Result<Array3<f32>, Error>,
+) -> Result<HiddenScore, Error> {
+    ensure_shape!(
+        share > 0.0 && share < 0.5,
+        "the share of hidden lenslets must be above 0 and below 0.5, not {share}"
+    );
     let (views, n, channels) = samples.values.dim();
     let index = at.0 * samples.views + at.1;
-    ensure!(at.0 < samples.views && at.1 < samples.views && index < views, "there is no view {},{}", at.0, at.1);
-    ensure!(
+    ensure_shape!(at.0 < samples.views && at.1 < samples.views && index < views, "there is no view {},{}", at.0, at.1);
+    ensure_shape!(
         n == samples.centres.len(),
         "the samples contradict each other: {n} values at {} places",
         samples.centres.len()
@@ -53,13 +57,13 @@ pub fn hidden_score(
         values: samples.values.select(Axis(1), &kept),
     };
     let image = render(&rest)?;
-    ensure!(
+    ensure_shape!(
         image.dim() == (target.height, target.width, channels),
         "the rendered view has another size: {:?}",
         image.dim()
     );
     let (fx, fy) = (target.width as f64 / samples.sensor.0 as f64, target.height as f64 / samples.sensor.1 as f64);
-    let margin = 2.0 * super::super::pitch(samples);
+    let margin = 2.0 * crate::target::pitch(samples);
     let (mut sum, mut count) = (0f64, 0usize);
     let mut found = vec![0f32; channels];
     for (k, c) in samples.centres.iter().enumerate().filter(|(k, _)| hidden[*k]) {
@@ -73,6 +77,6 @@ pub fn hidden_score(
         }
         count += 1;
     }
-    ensure!(count > 0, "no lenslet was hidden away from the border");
+    ensure_shape!(count > 0, "no lenslet was hidden away from the border");
     Ok(HiddenScore { psnr: -10.0 * (sum / (count * channels) as f64).max(1e-20).log10(), lenslets: count })
 }

@@ -4,13 +4,14 @@ use lenslet_core::decode::HexSamples;
 use lenslet_core::sampling::Cubic;
 use ndarray::{Array3, ArrayView2};
 
-use super::Target;
+use crate::Error;
+use crate::target::Target;
 
 /// The surface's tables for these centres and this target.
 ///
 /// # Errors
 /// Centres that cannot be triangulated, a target out of range.
-pub fn prepare(samples: &HexSamples, target: &Target) -> anyhow::Result<Cubic> {
+pub fn prepare(samples: &HexSamples, target: &Target) -> Result<Cubic, Error> {
     Ok(Cubic::new(&samples.centres, samples.sensor, (target.width, target.height))?)
 }
 
@@ -18,6 +19,6 @@ pub fn prepare(samples: &HexSamples, target: &Target) -> anyhow::Result<Cubic> {
 ///
 /// # Errors
 /// Values that do not belong to the tables.
-pub fn view(prepared: &Cubic, values: ArrayView2<'_, f32>) -> anyhow::Result<Array3<f32>> {
+pub fn view(prepared: &Cubic, values: ArrayView2<'_, f32>) -> Result<Array3<f32>, Error> {
     Ok(prepared.apply(values)?)
 }

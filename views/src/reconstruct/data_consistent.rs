@@ -1,6 +1,7 @@
 //! Views reconstructed with their measured samples at hand: noise is known where it is, and what was measured stays true.
 
-use anyhow::{Result, ensure};
+use crate::Error;
+use crate::error::ensure_shape;
 use lenslet_core::decode::HexSamples;
 use lenslet_core::dictionary::{Footprint, Interpolation};
 use lenslet_core::lightfield::colour;
@@ -41,7 +42,7 @@ impl Truth {
         size: (usize, usize),
         noise: Option<f32>,
         alone: &[Interpolation],
-    ) -> Result<Self> {
+    ) -> Result<Self, Error> {
         let (fx, fy) = (size.0 as f64 / samples.sensor.0 as f64, size.1 as f64 / samples.sensor.1 as f64);
         let centres: Vec<[f64; 2]> =
             samples.centres.iter().map(|c| [(c[0] + 0.5) * fx - 0.5, (c[1] + 0.5) * fy - 0.5]).collect();
@@ -54,7 +55,7 @@ impl Truth {
     ///
     /// # Errors
     /// Another number of channels.
-    pub fn noise(&self, values: ArrayView2<'_, f32>) -> Result<Noise> {
+    pub fn noise(&self, values: ArrayView2<'_, f32>) -> Result<Noise, Error> {
         if let Some(sigma) = self.given {
             return Ok(Noise::constant(sigma));
         }
@@ -69,7 +70,7 @@ impl Truth {
     ///
     /// # Errors
     /// Shapes that do not belong together.
-    pub fn keep(&self, plane: &Array2<f32>, values: ArrayView2<'_, f32>, refined: bool) -> Result<Array2<f32>> {
+    pub fn keep(&self, plane: &Array2<f32>, values: ArrayView2<'_, f32>, refined: bool) -> Result<Array2<f32>, Error> {
         let samples = encoded_luminance(values)?;
         let noise = self.noise(values)?;
         let (part, least) = if refined { REFINED } else { (OWN, 0.0) };
@@ -81,7 +82,7 @@ impl Truth {
     ///
     /// # Errors
     /// Another number of samples, another base.
-    pub fn alone(&self, values: ArrayView2<'_, f32>, base: Interpolation) -> Result<Array2<f32>> {
+    pub fn alone(&self, values: ArrayView2<'_, f32>, base: Interpolation) -> Result<Array2<f32>, Error> {
         let samples = encoded_luminance(values)?;
         match (base, &self.cubic) {
             (Interpolation::Barycentric, _) => Ok(self.measured.interpolate(&samples)?),
@@ -89,7 +90,7 @@ impl Truth {
                 let plane = cubic.apply(ndarray::aview1(&samples).insert_axis(Axis(1)))?;
                 Ok(plane.index_axis_move(Axis(2), 0).mapv(|v| v.clamp(0.0, 1.0)))
             }
-            (other, _) => anyhow::bail!("no {other} image of a view's own samples was prepared"),
+            (other, _) => Err(Error::Parameter(format!("no {other} image of a view's own samples was prepared"))),
         }
     }
 
@@ -97,7 +98,7 @@ impl Truth {
     ///
     /// # Errors
     /// An empty plane.
-    pub fn sample(&self, plane: &Array2<f32>) -> Result<Vec<f32>> {
+    pub fn sample(&self, plane: &Array2<f32>) -> Result<Vec<f32>, Error> {
         Ok(self.measured.sample(plane)?.into_raw_vec_and_offset().0)
     }
 }
@@ -121,7 +122,7 @@ impl<'a> Faithful<'a> {
         base: Interpolation,
         size: (usize, usize),
         noise: Option<f32>,
-    ) -> Result<Self> {
+    ) -> Result<Self, Error> {
         let model = reconstructor.model();
         let truth = Truth::new(samples, model.footprint, model.pitch, size, noise, reconstructor.beside())?;
         Ok(Faithful { reconstructor, truth, refined: base == Interpolation::Multiview })
@@ -136,10 +137,10 @@ impl<'a> Faithful<'a> {
     ///
     /// # Errors
     /// Shapes that do not belong together, what the solver reports.
-    pub fn view(&self, low: &Array3<f32>, values: ArrayView2<'_, f32>) -> Result<Array3<f32>> {
+    pub fn view(&self, low: &Array3<f32>, values: ArrayView2<'_, f32>) -> Result<Array3<f32>, Error> {
         let y = checked_luminance(low)?;
         let beside = self.reconstructor.beside().iter().map(|&base| self.truth.alone(values, base));
-        let beside = beside.collect::<Result<Vec<_>>>()?;
+        let beside = beside.collect::<Result<Vec<_>, Error>>()?;
         // Where a refined view is clearly off, features would be those of something else.
         let sharp = if self.refined {
             self.reconstructor.plane_beside(self.truth.keep(&y, values, true)?.view(), &beside)?
@@ -159,9 +160,9 @@ impl<'a> Faithful<'a> {
 }
 
 /// Luminance of samples (lenslets, 1 or 3 channels) in linear light, as encoded views have it.
-fn encoded_luminance(values: ArrayView2<'_, f32>) -> Result<Vec<f32>> {
+fn encoded_luminance(values: ArrayView2<'_, f32>) -> Result<Vec<f32>, Error> {
     let channels = values.ncols();
-    ensure!(channels == 1 || channels == 3, "samples of {channels} channels: 1 or 3 are needed");
+    ensure_shape!(channels == 1 || channels == 3, "samples of {channels} channels: 1 or 3 are needed");
     let encode = |v: f32| colour::encode(v.clamp(0.0, 1.0));
     Ok(values
         .rows()
@@ -176,8 +177,10 @@ fn encoded_luminance(values: ArrayView2<'_, f32>) -> Result<Vec<f32>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::infer::{Options, embedded};
-    use crate::resample::{Target, barycentric, encode};
+    use crate::encode;
+    use crate::interpolate::barycentric;
+    use crate::reconstruct::{Options, embedded};
+    use crate::target::Target;
     use lenslet_core::metrics::luminance;
 
     /// A view of stripes and discs through lenslets three and a bit pixels apart.
@@ -243,7 +246,7 @@ mod tests {
     #[test]
     fn a_refined_view_is_reconstructed_beside_its_own_samples() {
         let samples = samples();
-        let dictionary = crate::infer::embedded_for(Interpolation::Multiview).unwrap();
+        let dictionary = crate::reconstruct::embedded_for(Interpolation::Multiview).unwrap();
         let reconstructor = Reconstructor::new(&dictionary, &Options::default()).unwrap();
         assert_eq!(reconstructor.beside(), [Interpolation::Barycentric, Interpolation::Cubic]);
         let target = Target { width: 200, height: 200 };
@@ -259,7 +262,7 @@ mod tests {
         assert!((&found - &by_hand).iter().all(|d| d.abs() < 1e-3));
         // Without what it wants to see, the codes stand in.
         let blind = reconstructor.plane(kept.view()).unwrap();
-        let codes = Options { mode: crate::infer::Mode::Lasso, ..Options::default() };
+        let codes = Options { mode: crate::reconstruct::Mode::Lasso, ..Options::default() };
         assert_eq!(blind, Reconstructor::new(&dictionary, &codes).unwrap().plane(kept.view()).unwrap());
         assert!((&blind - &by_hand).iter().any(|d| d.abs() > 1e-3));
         assert!(truth.alone(values, Interpolation::Bicubic).is_err());

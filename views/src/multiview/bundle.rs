@@ -1,13 +1,14 @@
 //! All samples of all views, wherever they come from, and how one view alone would be interpolated.
 
-use anyhow::{Result, ensure};
+use crate::Error;
+use crate::error::ensure_shape;
 use lenslet_core::decode::HexSamples;
 use lenslet_core::lightfield::LightField;
 use lenslet_core::sampling::{Cubic, bicubic};
 use ndarray::{Array3, ArrayView1, ArrayView3, Axis, CowArray, Ix3};
 
-use super::super::Target;
-use crate::apps::disparity::{LUMINANCE, Plane};
+use crate::disparity::{LUMINANCE, Plane};
+use crate::target::Target;
 
 /// Samples of every view at common places, and the target they are to fill.
 pub struct Bundle<'a> {
@@ -46,10 +47,10 @@ impl<'a> Bundle<'a> {
     ///
     /// # Errors
     /// Samples whose shapes contradict each other, that cannot be triangulated, or that have other than 1 or 3 channels.
-    pub fn hexagonal(samples: &'a HexSamples, target: &Target) -> Result<Self> {
+    pub fn hexagonal(samples: &'a HexSamples, target: &Target) -> Result<Self, Error> {
         let n = samples.centres.len();
         let (views, count, _) = samples.values.dim();
-        ensure!(
+        ensure_shape!(
             views == samples.views * samples.views && count == n,
             "the samples contradict each other: {views} views of {count} values at {n} places"
         );
@@ -60,7 +61,7 @@ impl<'a> Bundle<'a> {
             .iter()
             .map(|c| [((c[0] + 0.5) * fx - 0.5) as f32, ((c[1] + 0.5) * fy - 0.5) as f32])
             .collect();
-        let pitch = (super::super::pitch(samples) * fx) as f32;
+        let pitch = (crate::target::pitch(samples) * fx) as f32;
         Self::checked(
             samples.views,
             samples.views,
@@ -78,9 +79,9 @@ impl<'a> Bundle<'a> {
     ///
     /// # Errors
     /// Light fields of other than 1 or 3 channels, empty ones.
-    pub fn rectangular(field: &'a LightField, target: &Target) -> Result<Self> {
+    pub fn rectangular(field: &'a LightField, target: &Target) -> Result<Self, Error> {
         let (rows, columns, height, width, channels) = field.data.dim();
-        ensure!(width > 0 && height > 0, "the views are empty");
+        ensure_shape!(width > 0 && height > 0, "the views are empty");
         let (fx, fy) = (target.width as f32 / width as f32, target.height as f32 / height as f32);
         let points = (0..height)
             .flat_map(|t| (0..width).map(move |s| [(s as f32 + 0.5) * fx - 0.5, (t as f32 + 0.5) * fy - 0.5]))
@@ -114,11 +115,11 @@ impl<'a> Bundle<'a> {
         kind: Kind,
         pitch: f32,
         base: Base,
-    ) -> Result<Self> {
+    ) -> Result<Self, Error> {
         let channels = values.len_of(Axis(2));
-        ensure!(channels == 1 || channels == 3, "multi-view refinement needs 1 or 3 channels, not {channels}");
-        ensure!(rows * columns >= 1 && !points.is_empty(), "there are no samples");
-        ensure!(
+        ensure_shape!(channels == 1 || channels == 3, "multi-view refinement needs 1 or 3 channels, not {channels}");
+        ensure_shape!(rows * columns >= 1 && !points.is_empty(), "there are no samples");
+        ensure_shape!(
             (1..=16384).contains(&target.width) && (1..=16384).contains(&target.height),
             "views of {}x{} pixels are out of range: 1 to 16384 a side",
             target.width,
@@ -126,7 +127,7 @@ impl<'a> Bundle<'a> {
         );
         let lane = |v: ArrayView1<f32>| if channels == 3 { [v[0], v[1], v[2], 0.0] } else { [v[0], 0.0, 0.0, 0.0] };
         let lanes = values.rows().into_iter().map(lane).collect();
-        ensure!(
+        ensure_shape!(
             weights.len() == rows * columns && weights.iter().all(|w| (0.0..=1.0).contains(w)),
             "{} weights (0 to 1) for {} views",
             weights.len(),
@@ -151,7 +152,7 @@ impl<'a> Bundle<'a> {
     }
 
     /// What one view alone gives, (t, s, c).
-    pub(super) fn single(&self, v: usize, u: usize) -> Result<Array3<f32>> {
+    pub(super) fn single(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {
         let values = self.view(v, u);
         match &self.base {
             Base::Mesh(weights) => Ok(weights.apply(values)?),
@@ -166,7 +167,7 @@ impl<'a> Bundle<'a> {
     }
 
     /// Brightness of every view, nearly evenly noisy, no longer than about `side`; and pixels of the target per pixel of these.
-    pub(super) fn brightness(&self, side: usize) -> Result<(Vec<Vec<Plane>>, f32)> {
+    pub(super) fn brightness(&self, side: usize) -> Result<(Vec<Vec<Plane>>, f32), Error> {
         let longer = self.target.width.max(self.target.height);
         let (width, height) = if longer > side {
             let f = side as f64 / longer as f64;
@@ -252,7 +253,7 @@ impl<'a> Bundle<'a> {
 }
 
 /// To a smaller or larger size; the same size stays untouched.
-fn shrink(image: ArrayView3<f32>, width: usize, height: usize) -> Result<Array3<f32>> {
+fn shrink(image: ArrayView3<f32>, width: usize, height: usize) -> Result<Array3<f32>, Error> {
     if image.dim() == (height, width, image.dim().2) {
         return Ok(image.to_owned());
     }

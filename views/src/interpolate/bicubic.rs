@@ -4,7 +4,8 @@ use lenslet_core::decode::HexSamples;
 use lenslet_core::sampling::{Weights, bicubic};
 use ndarray::{Array3, ArrayView2};
 
-use super::Target;
+use crate::Error;
+use crate::target::Target;
 
 /// What the two passes need.
 #[derive(Debug, Clone)]
@@ -17,7 +18,7 @@ pub struct Prepared {
 ///
 /// # Errors
 /// Centres that cannot be triangulated.
-pub fn prepare(samples: &HexSamples, target: &Target) -> anyhow::Result<Prepared> {
+pub fn prepare(samples: &HexSamples, target: &Target) -> Result<Prepared, Error> {
     let low = Target::native(samples);
     Ok(Prepared { low: Weights::new(&samples.centres, samples.sensor, (low.width, low.height))?, target: *target })
 }
@@ -26,7 +27,7 @@ pub fn prepare(samples: &HexSamples, target: &Target) -> anyhow::Result<Prepared
 ///
 /// # Errors
 /// Values that do not belong to the table, a target out of range.
-pub fn view(prepared: &Prepared, values: ArrayView2<'_, f32>) -> anyhow::Result<Array3<f32>> {
+pub fn view(prepared: &Prepared, values: ArrayView2<'_, f32>) -> Result<Array3<f32>, Error> {
     let low = prepared.low.apply(values)?;
     Ok(bicubic::resize(low.view(), prepared.target.width, prepared.target.height)?)
 }

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::surfaces::step;
 use super::{Bundle, Surfaces};
-use crate::apps::disparity::Plane;
+use crate::disparity::Plane;
 
 /// Times the image is fitted anew and the disparity corrected.
 const ROUNDS: usize = 4;

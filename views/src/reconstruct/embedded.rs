@@ -4,11 +4,11 @@ use lenslet_core::dictionary::{self, Dictionary, Interpolation};
 
 /// Names and files; the first is the default.
 const SHELF: [(&str, &[u8]); 5] = [
-    ("default", include_bytes!("../../dictionaries/default.lfd")),
-    ("multiview", include_bytes!("../../dictionaries/multiview.lfd")),
-    ("small", include_bytes!("../../dictionaries/small.lfd")),
-    ("x2", include_bytes!("../../dictionaries/x2.lfd")),
-    ("x3", include_bytes!("../../dictionaries/x3.lfd")),
+    ("default", include_bytes!("../../../dictionaries/default.lfd")),
+    ("multiview", include_bytes!("../../../dictionaries/multiview.lfd")),
+    ("small", include_bytes!("../../../dictionaries/small.lfd")),
+    ("x2", include_bytes!("../../../dictionaries/x2.lfd")),
+    ("x3", include_bytes!("../../../dictionaries/x3.lfd")),
 ];
 
 /// The names of [`named`], the default first.

@@ -1,0 +1,57 @@
+//! What goes wrong on the way from samples to views.
+
+use lenslet_core::progress::Interrupted;
+use lenslet_core::{decode, dictionary, lightfield, sampling};
+
+/// Errors of interpolation, multi-view refinement and learned reconstruction.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// An option out of range, or options that contradict each other: the caller's.
+    #[error("{0}")]
+    Parameter(String),
+    /// Samples, views or images whose shapes do not belong together: the input's.
+    #[error("{0}")]
+    Shape(String),
+    /// Disparity.
+    #[error(transparent)]
+    Disparity(#[from] crate::disparity::Error),
+    /// Centres that cannot be triangulated, sizes out of range.
+    #[error(transparent)]
+    Sampling(#[from] sampling::Error),
+    /// Samples.
+    #[error(transparent)]
+    Decode(#[from] decode::Error),
+    /// A dictionary that cannot be used.
+    #[error(transparent)]
+    Dictionary(#[from] dictionary::Error),
+    /// A light field that cannot be read or written.
+    #[error(transparent)]
+    LightField(#[from] lightfield::Error),
+    /// What the caller's sink of views returned.
+    #[error(transparent)]
+    Sink(Box<dyn std::error::Error + Send + Sync>),
+    /// The observer asked to stop.
+    #[error(transparent)]
+    Interrupted(#[from] Interrupted),
+}
+
+/// Returns [`Error::Shape`] with a formatted message unless the condition holds.
+macro_rules! ensure_shape {
+    ($condition:expr, $($message:tt)+) => {
+        if !$condition {
+            return Err($crate::Error::Shape(format!($($message)+)).into());
+        }
+    };
+}
+
+/// Returns [`Error::Parameter`] with a formatted message unless the condition holds.
+macro_rules! ensure_parameter {
+    ($condition:expr, $($message:tt)+) => {
+        if !$condition {
+            return Err($crate::Error::Parameter(format!($($message)+)).into());
+        }
+    };
+}
+
+pub(crate) use {ensure_parameter, ensure_shape};
