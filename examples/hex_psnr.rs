@@ -14,7 +14,7 @@ use lenslet_core::dictionary::{self, Dictionary, Footprint};
 use lenslet_core::metrics::{self, Window};
 use lenslet_core::sampling::{self, Cubic, DEFAULT_PITCH, DEFAULT_ROTATION, Weights, bicubic, lattice_samples};
 use lenslet_data_gen::pairs::load_photo;
-use lenslet_views::reconstruct::{Measured, Mode, Options, Reconstructor, back_project, embedded};
+use lenslet_views::reconstruct::{Mode, Options, Reconstructor, SamplingOperator, back_project, embedded};
 use ndarray::{Array2, ArrayView2, Axis, s};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -128,7 +128,7 @@ fn methods(truth: ArrayView2<'_, f32>, a: &Arguments, index: u64) -> anyhow::Res
             && wanted(name)
         {
             let began = std::time::Instant::now();
-            let measured = Measured::new(placed.centres.clone(), a.options.footprint, DEFAULT_PITCH, (w, h))?;
+            let measured = SamplingOperator::new(placed.centres.clone(), a.options.footprint, DEFAULT_PITCH, (w, h))?;
             let (result, _) = back_project(&results[k].1, &measured, values.column(0), 3, &[])?;
             results.push((name.to_string(), result, began.elapsed().as_secs_f64()));
         }

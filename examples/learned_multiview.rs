@@ -15,7 +15,7 @@ use lenslet_core::lightfield::{ColourSpace, colour};
 use lenslet_core::metrics::{self, luminance};
 use lenslet_core::progress::Silent;
 use lenslet_data_gen::simulate::{self, Camera, Kind, Scene};
-use lenslet_views::reconstruct::{self, Faithful, Mode, Options, Reconstructor};
+use lenslet_views::reconstruct::{self, DataConsistent, Mode, Options, Reconstructor};
 use lenslet_views::{Target, encode, multiview};
 use ndarray::{Array3, Axis};
 use serde_json::{Map, Value, json};
@@ -85,7 +85,7 @@ fn scored(kind: Kind, a: &Arguments, reconstructor: &Reconstructor) -> anyhow::R
     let size = simulate::output_size(&camera, (a.sensor * 1080 + 1640) / 3280);
     let calibration = calibration::calibrate(&simulation.whites, &calibration::Options::default(), &Silent)?;
     let samples = decode::samples(&simulation.capture, &calibration, &decode::Options::default(), &Silent)?;
-    let faithful = Faithful::new(reconstructor, &samples, Interpolation::Multiview, size, None)?;
+    let faithful = DataConsistent::new(reconstructor, &samples, Interpolation::Multiview, size, None)?;
 
     let mut gains: Vec<((usize, usize), [f64; 2])> = Vec::new();
     let mut centre = Value::Null;

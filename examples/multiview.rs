@@ -22,7 +22,7 @@ use lenslet_core::sampling::{DEFAULT_PITCH, DEFAULT_ROTATION, Footprint, lattice
 use lenslet_views::Target;
 use lenslet_views::interpolate::{barycentric, cubic};
 use lenslet_views::multiview::{self, Bundle, Options, Surfaces};
-use lenslet_views::reconstruct::{self, Faithful, Reconstructor};
+use lenslet_views::reconstruct::{self, DataConsistent, Reconstructor};
 use ndarray::{Array2, Array3, Axis, s};
 use serde_json::{Map, Value, json};
 
@@ -93,8 +93,8 @@ fn render(samples: &HexSamples, target: &Target, wanted: &[(usize, usize)]) -> a
     let values = |&(v, u): &(usize, usize)| samples.values.index_axis(Axis(0), v * samples.views + u);
     let (flat, smooth) = (barycentric::prepare(samples, target)?, cubic::prepare(samples, target)?);
     let mut views = vec![
-        wanted.iter().map(|at| barycentric::view(&flat, values(at))).collect::<anyhow::Result<Vec<_>>>()?,
-        wanted.iter().map(|at| cubic::view(&smooth, values(at))).collect::<anyhow::Result<_>>()?,
+        wanted.iter().map(|at| barycentric::view(&flat, values(at))).collect::<Result<Vec<_>, _>>()?,
+        wanted.iter().map(|at| cubic::view(&smooth, values(at))).collect::<Result<_, _>>()?,
         Vec::new(),
         Vec::new(),
     ];
@@ -107,7 +107,7 @@ fn render(samples: &HexSamples, target: &Target, wanted: &[(usize, usize)]) -> a
         views[2].push(view.clone());
         Ok(())
     };
-    multiview::render_surfaces(&bundle, &surfaces, &options, &mut keep, &Silent)?;
+    multiview::render_surfaces::<lenslet_views::Error>(&bundle, &surfaces, &options, &mut keep, &Silent)?;
     let seconds = [found, began.elapsed().as_secs_f64() - found];
     views[3] = learned(samples, target, wanted, &views[2])?;
     Ok(Rendered { views, surfaces, seconds })
@@ -123,7 +123,7 @@ fn learned(
     let dictionary = reconstruct::embedded_for(Interpolation::Multiview)?;
     let reconstructor = Reconstructor::new(&dictionary, &reconstruct::Options::default())?;
     let size = (target.width, target.height);
-    let faithful = Faithful::new(&reconstructor, samples, Interpolation::Multiview, size, None)?;
+    let faithful = DataConsistent::new(&reconstructor, samples, Interpolation::Multiview, size, None)?;
     let one = |(&(v, u), view): (&(usize, usize), &Array3<f32>)| {
         let values = samples.values.index_axis(Axis(0), v * samples.views + u);
         let mut sharp = faithful.view(&encoded(view), values)?;
@@ -199,7 +199,7 @@ fn disparity_errors(found: &Array2<f32>, truth: &Array2<f32>, view: &Array3<f32>
         }
     };
     let told = |counts: &dyn Fn(usize, usize) -> bool| {
-        relief::errors(&full, truth, BORDER, 0.07, counts).map(
+        lenslet_views::disparity::errors(&full, truth, BORDER, 0.07, counts).map(
             |e| json!({ "median": e.median, "within_0.07": 1.0 - e.bad, "mse_x100": e.mse100, "pixels": e.pixels }),
         )
     };
@@ -292,11 +292,11 @@ fn real(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
     let middle = wanted[0];
     let mut hidden = Map::new();
     for method in METHODS.into_iter().filter(|_| !a.quick) {
-        let score = multiview::hidden_score(&samples, &target, 0.1, 1, middle, &mut |rest| {
+        let score = multiview::hidden_score::<anyhow::Error>(&samples, &target, 0.1, 1, middle, &mut |rest| {
             let values = rest.values.index_axis(Axis(0), middle.0 * rest.views + middle.1);
             match method {
-                "barycentric" => barycentric::view(&barycentric::prepare(rest, &target)?, values),
-                "cubic" => cubic::view(&cubic::prepare(rest, &target)?, values),
+                "barycentric" => Ok(barycentric::view(&barycentric::prepare(rest, &target)?, values)?),
+                "cubic" => Ok(cubic::view(&cubic::prepare(rest, &target)?, values)?),
                 _ => {
                     let mut image = None;
                     let mut keep = |_: usize, _: usize, view: &Array3<f32>| {
@@ -304,7 +304,7 @@ fn real(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
                         Ok(())
                     };
                     let options = Options { views: Some(vec![middle]), ..Options::default() };
-                    multiview::render(rest, &target, &options, &mut keep, &Silent)?;
+                    multiview::render::<lenslet_views::Error>(rest, &target, &options, &mut keep, &Silent)?;
                     let image = image.context("no view was rendered")?;
                     if method == "multiview" {
                         return Ok(image);
@@ -389,7 +389,7 @@ fn timed(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
         views += 1;
         Ok(())
     };
-    multiview::render(&samples, &target, &Options::default(), &mut count, &Silent)?;
+    multiview::render::<lenslet_views::Error>(&samples, &target, &Options::default(), &mut count, &Silent)?;
     Ok(json!({ "views": views, "size": [target.width, target.height], "seconds": began.elapsed().as_secs_f64() }))
 }
 

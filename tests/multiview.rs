@@ -107,7 +107,7 @@ fn one(samples: &HexSamples, options: Options, at: (usize, usize)) -> Array3<f32
         out = Some(image.clone());
         Ok(())
     };
-    render(samples, &TARGET, &options, &mut sink, &Silent).unwrap();
+    render::<lenslet_views::Error>(samples, &TARGET, &options, &mut sink, &Silent).unwrap();
     out.unwrap()
 }
 
@@ -219,7 +219,7 @@ fn other_tools_light_fields_gain_in_size() {
         image = Some(view.clone());
         Ok(())
     };
-    render_light_field(&field, &TARGET, &options, &mut sink, &Silent).unwrap();
+    render_light_field::<lenslet_views::Error>(&field, &TARGET, &options, &mut sink, &Silent).unwrap();
     let alone = bicubic::resize(field.data.slice(s![2, 2, .., .., ..]), SIDE, SIDE).unwrap();
     let flat = |_: f64, _: f64| 0.0;
     let (before, after) = (psnr(&alone, flat, (2, 2)), psnr(&image.unwrap(), flat, (2, 2)));
@@ -273,7 +273,7 @@ fn impossible_samples_are_refused() {
     let mut sink = |_: usize, _: usize, _: &Array3<f32>| Ok(());
     let mut fewer = good.clone();
     fewer.centres.pop();
-    assert!(render(&fewer, &TARGET, &Options::default(), &mut sink, &Silent).is_err());
+    assert!(render::<lenslet_views::Error>(&fewer, &TARGET, &Options::default(), &mut sink, &Silent).is_err());
     let options = Options { views: Some(vec![(5, 0)]), ..Options::default() };
     assert!(render(&good, &TARGET, &options, &mut sink, &Silent).is_err());
     let options = Options { known: Some(Array2::from_elem((3, 3), f32::NAN)), ..Options::default() };
@@ -281,6 +281,6 @@ fn impossible_samples_are_refused() {
     let mut strange = good.clone();
     strange.values.fill(f32::NAN);
     let _ = render(&strange, &TARGET, &Options::default(), &mut sink, &Silent);
-    assert!(hidden_score(&good, &TARGET, 0.9, 1, (2, 2), &mut |_| unreachable!()).is_err());
-    assert!(hidden_score(&good, &TARGET, 0.1, 1, (9, 2), &mut |_| unreachable!()).is_err());
+    assert!(hidden_score::<lenslet_views::Error>(&good, &TARGET, 0.9, 1, (2, 2), &mut |_| unreachable!()).is_err());
+    assert!(hidden_score::<lenslet_views::Error>(&good, &TARGET, 0.1, 1, (9, 2), &mut |_| unreachable!()).is_err());
 }

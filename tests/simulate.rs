@@ -41,7 +41,15 @@ fn view(samples: &HexSamples, target: Target, method: Method) -> Array3<f32> {
         views.push(view.clone());
         Ok(())
     };
-    lenslet_views::render(samples, &target, method, &RenderOptions::default(), &mut keep, &Silent).unwrap();
+    lenslet_views::render::<lenslet_views::Error>(
+        samples,
+        &target,
+        method,
+        &RenderOptions::default(),
+        &mut keep,
+        &Silent,
+    )
+    .unwrap();
     let mut view = views.pop().unwrap();
     view.mapv_inplace(|v| v.clamp(0.0, 1.0));
     colour::convert(&mut view, ColourSpace::Linear, ColourSpace::Srgb);

@@ -119,7 +119,7 @@ pub(super) fn captured(
     }
     let (samples, views) = kept.decoded(&steps, || Ok(decode::samples(capture, calibration, &options, observer)?))?;
     let mut image = None;
-    let score = multiview::hidden_score(samples, &target, HIDDEN, run.seed, wanted[0], &mut |rest| {
+    let score = multiview::hidden_score::<anyhow::Error>(samples, &target, HIDDEN, run.seed, wanted[0], &mut |rest| {
         let mut rendered = render((&steps, rest), &target, chain.way, &wanted, dictionary.as_ref(), views, observer)?;
         scored.step_seconds = rendered.seconds;
         let view = rendered.images.pop().context("no view was rendered")?;

@@ -118,15 +118,15 @@ fn interpolated(
     match way {
         Way::Bicubic => {
             let prepared = bicubic::prepare(samples, target)?;
-            wanted.iter().map(|at| bicubic::view(&prepared, values(at))).collect()
+            wanted.iter().map(|at| Ok(bicubic::view(&prepared, values(at))?)).collect()
         }
         Way::Barycentric => {
             let prepared = barycentric::prepare(samples, target)?;
-            wanted.iter().map(|at| barycentric::view(&prepared, values(at))).collect()
+            wanted.iter().map(|at| Ok(barycentric::view(&prepared, values(at))?)).collect()
         }
         Way::Cubic => {
             let prepared = cubic::prepare(samples, target)?;
-            wanted.iter().map(|at| cubic::view(&prepared, values(at))).collect()
+            wanted.iter().map(|at| Ok(cubic::view(&prepared, values(at))?)).collect()
         }
         Way::Multiview => {
             let options = multiview::Options { views: Some(wanted.to_vec()), ..multiview::Options::default() };
@@ -137,7 +137,7 @@ fn interpolated(
                 }
                 Ok(())
             };
-            multiview::render(samples, target, &options, &mut sink, observer)?;
+            multiview::render::<lenslet_views::Error>(samples, target, &options, &mut sink, observer)?;
             images.into_iter().map(|image| image.context("a view was not rendered")).collect()
         }
         Way::Learned | Way::LearnedMultiview => bail!("{} starts from other views", way.name()),
@@ -157,7 +157,8 @@ fn sharpened(
     let options = reconstruct::Options { footprint: Footprint::Point, ..reconstruct::Options::default() };
     let reconstructor = reconstruct::Reconstructor::new(dictionary, &options)?;
     let made = if base == Way::Multiview { Interpolation::Multiview } else { Interpolation::Barycentric };
-    let faithful = reconstruct::Faithful::new(&reconstructor, samples, made, (target.width, target.height), None)?;
+    let faithful =
+        reconstruct::DataConsistent::new(&reconstructor, samples, made, (target.width, target.height), None)?;
     low.iter()
         .zip(wanted)
         .map(|(view, &(v, u))| {

@@ -4,7 +4,7 @@ use anyhow::{Result, ensure};
 use ndarray::{Array2, Array3, ArrayView5};
 use rayon::prelude::*;
 
-use super::relief;
+use lenslet_views::disparity;
 
 /// How the viewpoint moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,7 +53,7 @@ pub fn view(
     let inside = gu >= 0.0 && gv >= 0.0 && gu <= (columns - 1) as f32 && gv <= (rows - 1) as f32;
     ensure!(inside, "the viewpoint {u},{v} is outside of the {rows}x{columns} views");
     ensure!(hold.is_finite(), "the disparity to hold is not a number");
-    let map = relief::carry(disparity, [u, v], front);
+    let map = disparity::carry(disparity, [u, v], front);
     let (u0, v0) = (gu as usize, gv as usize);
     let (fu, fv) = (gu - u0 as f32, gv - v0 as f32);
     let mut near = Vec::new();

@@ -6,6 +6,7 @@ mod inputs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use anyhow::Context as _;
 use lenslet_core::calibration::Calibration;
 use lenslet_core::container::{self, Capture};
 use lenslet_core::decode::{self, Demosaic, HexSamples, Step, WhiteBalance, npz};
@@ -15,7 +16,7 @@ use lenslet_views::{Method, RenderOptions, Target};
 use serde_json::{Value, json};
 
 use super::written::Written;
-use super::{Context, Interrupted, Outcome, Usage};
+use super::{Context, Outcome, Usage};
 use choose::Shelf;
 use inputs::Job;
 
@@ -234,7 +235,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         }
         match one(args, job, &mut shelf, context) {
             Ok(report) => done.push(report),
-            Err(e) if !several || e.is::<Interrupted>() || e.is::<Usage>() => return Err(e),
+            Err(e) if !several || context.progress.cancelled() || e.is::<Usage>() => return Err(e),
             Err(e) => {
                 let line = format!("{e:#}").replace(['\n', '\r'], " ");
                 let name = job.capture.display().to_string();
@@ -277,10 +278,8 @@ fn one(args: &Args, job: &Job, shelf: &mut Shelf, context: &Context) -> anyhow::
     progress.note(&format!("{}: calibration {reason}", job.capture.display()));
     let read = started.elapsed();
     let options = args.decode_options(container::is_jpeg(&job.capture));
-    let samples = decode::samples(&capture, calibration, &options, progress).map_err(|e| match e {
-        decode::Error::Interrupted => Interrupted.into(),
-        e => anyhow::Error::new(e).context(job.capture.display().to_string()),
-    })?;
+    let samples = decode::samples(&capture, calibration, &options, progress)
+        .with_context(|| job.capture.display().to_string())?;
     let meta = describe_views(args, job, &capture, calibration, &samples, &options, &reason);
     drop(capture);
     let sampled = started.elapsed();
@@ -304,8 +303,7 @@ fn one(args: &Args, job: &Job, shelf: &mut Shelf, context: &Context) -> anyhow::
         writing += begin.elapsed();
         Ok(())
     };
-    lenslet_views::render(&samples, &target, args.method, &rendering, &mut put, progress)
-        .map_err(|e| if progress.cancelled() { Interrupted.into() } else { e })?;
+    lenslet_views::render(&samples, &target, args.method, &rendering, &mut put, progress)?;
     progress.check()?;
     let kept = if args.no_samples { None } else { Some(keep_samples(args, job, &*sink, &samples)?) };
     let begin = Instant::now();

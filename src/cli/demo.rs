@@ -189,7 +189,7 @@ fn reconstruct(samples: &HexSamples, target: &Target, observer: &dyn Observer) -
         let dictionary = reconstruct::embedded_for(base)?;
         let reconstructor = reconstruct::Reconstructor::new(&dictionary, &reconstruct::Options::default())?;
         let size = (target.width, target.height);
-        let faithful = reconstruct::Faithful::new(&reconstructor, samples, base, size, None)?;
+        let faithful = reconstruct::DataConsistent::new(&reconstructor, samples, base, size, None)?;
         observer.begin(name, SCORED.len() as u64);
         let mut views = Vec::new();
         for (view, (v, u)) in results.iter().filter(|r| r.name == from).flat_map(|r| &r.views).zip(SCORED) {

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use lenslet::apps::{disparity, picture, relief};
+use lenslet::apps::{picture, relief};
+use lenslet::disparity;
 use lenslet_core::output::Pending;
 use lenslet_core::progress::Observer;
 use lenslet_views::multiview::front_of;
@@ -130,7 +131,7 @@ fn compare(path: &Path, args: &Args, found: &disparity::Disparity) -> anyhow::Re
         found.disparity.dim()
     );
     let told = |least: f32| {
-        relief::errors(&found.disparity, &truth, args.border, 0.07, |t, s| found.confidence[[t, s]] >= least)
+        disparity::errors(&found.disparity, &truth, args.border, 0.07, |t, s| found.confidence[[t, s]] >= least)
             .map(|e| json!({ "bad_0.07": e.bad, "mse_x100": e.mse100, "median": e.median, "pixels": e.pixels }))
     };
     Ok(json!({ "all": told(0.0), "confident_0.5": told(0.5) }))

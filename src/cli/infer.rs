@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use lenslet_core::decode::{HexSamples, npz};
-use lenslet_core::dictionary::{self, Footprint, Interpolation};
+use lenslet_core::dictionary::{Footprint, Interpolation};
 use lenslet_core::lightfield::{self, ColourSpace, Meta, ReadOptions};
 use lenslet_core::progress::Observer;
 use lenslet_views::Method;
@@ -11,7 +11,7 @@ use lenslet_views::reconstruct::{self, Enlargement, Mode, Options, Reconstructor
 use serde_json::json;
 
 use super::written::Written;
-use super::{Context, Interrupted, Outcome, Usage, dict, score};
+use super::{Context, Outcome, Usage, dict, score};
 
 /// Learned reconstruction of a light field
 #[derive(Debug, clap::Args)]
@@ -141,7 +141,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let format = args.written.format();
     let mut sink = lightfield::create(&args.written.out, meta.clone(), format, args.written.force)?;
     let began = std::time::Instant::now();
-    let done = reconstruct::light_field(
+    reconstruct::light_field(
         &*source,
         &mut *sink,
         meta.colour,
@@ -149,11 +149,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         enlargement,
         samples.as_ref().map(|s| (s, args.noise)),
         &context.progress,
-    );
-    if let Err(e) = done {
-        let interrupted = matches!(e.downcast_ref(), Some(dictionary::Error::Interrupted));
-        return Err(if interrupted { Interrupted.into() } else { e });
-    }
+    )?;
     let seconds = began.elapsed().as_secs_f64();
     context.progress.check()?;
     sink.finish()?;

@@ -26,6 +26,7 @@ mod written;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use lenslet_core::progress::Observer as _;
 pub use progress::Progress;
 
 #[derive(Debug, Parser)]
@@ -145,7 +146,7 @@ pub fn main() -> ExitCode {
                 eprintln!("lenslet: {why}");
                 return ExitCode::from(1);
             }
-            let code = if e.chain().any(|c| c.is::<Interrupted>()) {
+            let code = if context.progress.cancelled() || e.chain().any(|c| c.is::<Interrupted>()) {
                 130
             } else if e.chain().any(|c| c.is::<Usage>()) {
                 2
@@ -163,6 +164,7 @@ pub fn main() -> ExitCode {
                     line.push_str(&text);
                 }
             }
+            let line = if code == 130 { "interrupted".to_owned() } else { line };
             eprintln!("lenslet: {line}");
             ExitCode::from(code)
         }

@@ -7,7 +7,6 @@ use lenslet_core::decode::{HexSamples, npz};
 use lenslet_core::lightfield::{self, ColourSpace, LightField, ReadOptions, colour};
 use lenslet_core::progress::Observer as _;
 use lenslet_views::Target;
-use lenslet_views::disparity;
 use lenslet_views::multiview::{self, Bundle, Options};
 use lenslet_views::reconstruct::Enlargement;
 use ndarray::Array3;
@@ -15,7 +14,7 @@ use serde_json::json;
 
 use super::score::parse_views;
 use super::written::Written;
-use super::{Context, Interrupted, Outcome, Usage};
+use super::{Context, Outcome, Usage};
 
 /// Refine every view of a light field by what the other views saw
 #[derive(Debug, clap::Args)]
@@ -98,11 +97,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         sink.write(v, u, &view)?;
         Ok(())
     };
-    let done = multiview::render_bundle(&bundle, &Options::default(), &mut keep, &context.progress);
-    if let Err(e) = done {
-        let interrupted = matches!(e.downcast_ref(), Some(disparity::Error::Interrupted));
-        return Err(if interrupted { Interrupted.into() } else { e });
-    }
+    multiview::render_bundle::<lenslet_views::Error>(&bundle, &Options::default(), &mut keep, &context.progress)?;
     let seconds = began.elapsed().as_secs_f64();
     context.progress.check()?;
     sink.finish()?;

@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
+use lenslet::apps::picture;
 use lenslet::apps::refocus::{self, Shape};
-use lenslet::apps::{disparity, picture};
+use lenslet::disparity;
 use lenslet_core::lightfield::{self, LightField, ReadOptions};
 use lenslet_core::output;
 use lenslet_core::progress::Observer;

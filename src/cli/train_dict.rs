@@ -8,7 +8,6 @@ use lenslet_core::dictionary::{self, Footprint, Interpolation};
 use lenslet_core::output;
 use lenslet_core::progress::Observer;
 use lenslet_train::{Algorithm, Coupling, Parameters, train, train_on};
-use lenslet_views::reconstruct;
 use serde_json::json;
 
 use super::{Context, Interrupted, Outcome, Usage, train_report};
@@ -214,7 +213,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let progress = &context.progress;
     let outcome = if parameters.base == Some(Interpolation::Multiview) {
         let mut crops = |_, observer: &dyn lenslet_core::progress::Observer| {
-            reconstruct::captured_crops(&args.photos, &parameters, observer)
+            lenslet_train::captured_crops(&args.photos, &parameters, observer)
         };
         train_on(&mut crops, &parameters, Some(&checkpoint), args.resume, progress, &mut line)
     } else {

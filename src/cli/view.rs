@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use lenslet::apps::{disparity, picture, viewer};
+use lenslet::apps::{picture, viewer};
+use lenslet::disparity;
 use lenslet_core::output;
 use lenslet_core::progress::Observer;
 use lenslet_views::multiview::front_of;

@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use lenslet::apps::{disparity, picture, viewpoint};
+use lenslet::apps::{picture, viewpoint};
+use lenslet::disparity;
 use lenslet_core::progress::Observer;
 use lenslet_views::multiview::front_of;
 use serde_json::json;

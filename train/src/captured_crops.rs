@@ -17,7 +17,7 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
 use crate::{Data, Error, Parameters};
-use lenslet_views::reconstruct::Truth;
+use lenslet_views::reconstruct::Measurements;
 use lenslet_views::{Target, encode, multiview};
 
 /// Photos that share a scene.
@@ -85,7 +85,7 @@ pub fn captured_crops(photos: &[PathBuf], parameters: &Parameters, observer: &dy
             let index = set[k].0;
             let draw =
                 |camera: &Camera, disparity, seed| simulate::photos(&scene, camera, Some(disparity), seed, &Silent);
-            let failed = |e| Error::Crops(format!("a simulated capture of {}: {e:#}", scene[0].display()));
+            let failed = |e: CaptureError| Error::Crops(format!("a simulated capture of {}: {e}", scene[0].display()));
             crops.extend(capture(&draw, index, count, parameters).map_err(failed)?);
             observer.advance(1);
         }
@@ -94,7 +94,7 @@ pub fn captured_crops(photos: &[PathBuf], parameters: &Parameters, observer: &dy
         stop(observer)?;
         let kind = DRAWN[k % DRAWN.len()];
         let draw = |camera: &Camera, disparity, seed| Scene::named(kind, camera, Some(disparity), seed, &Silent);
-        let failed = |e| Error::Crops(format!("a simulated capture of the scene {}: {e:#}", kind.name()));
+        let failed = |e: CaptureError| Error::Crops(format!("a simulated capture of the scene {}: {e}", kind.name()));
         let index = AFTER_PHOTOS + k;
         data.train.extend(capture(&draw, index, 2 * parameters.crops, parameters).map_err(failed)?);
         observer.advance(1);
@@ -106,11 +106,24 @@ fn stop(observer: &dyn Observer) -> Result<(), Error> {
     if observer.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
 }
 
+/// What goes wrong between a scene and its crops.
+#[derive(Debug, thiserror::Error)]
+enum CaptureError {
+    #[error(transparent)]
+    Simulate(#[from] simulate::Error),
+    #[error(transparent)]
+    Calibration(#[from] calibration::Error),
+    #[error(transparent)]
+    Decode(#[from] decode::Error),
+    #[error(transparent)]
+    Views(#[from] lenslet_views::Error),
+}
+
 /// What stands before the camera, given its largest disparity and a seed.
 type Draw<'a> = &'a dyn Fn(&Camera, f64, u64) -> Result<Scene, simulate::Error>;
 
 /// Crops of one capture.
-fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) -> Result<Vec<Crop>, Error> {
+fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) -> Result<Vec<Crop>, CaptureError> {
     let mut rng = ChaCha8Rng::seed_from_u64(parameters.seed);
     rng.set_stream((5 << 60) | index as u64);
     // As many output pixels as two crops and their borders take, at the camera's own scale.
@@ -137,14 +150,19 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
     let size = simulate::output_size(&camera, side);
     let target = Target { width: size.0, height: size.1 };
     let alone: &[Interpolation] = parameters.network.as_ref().map_or(&[], |n| &n.beside);
-    let truth = Truth::new(&samples, Footprint::Point, parameters.pitch, size, None, alone)?;
+    let truth = Measurements::new(&samples, Footprint::Point, parameters.pitch, size, None, alone)?;
     let (mut refined, mut beside) = (Vec::new(), Vec::new());
     let wanted = multiview::Options { views: Some(views.clone()), ..multiview::Options::default() };
     let mut keep = |v: usize, u: usize, view: &Array3<f32>| {
         let values = samples.values.index_axis(Axis(0), v * VIEWS + u);
-        refined.push(truth.keep(&luminance(encode::srgb(view).view()), values, true)?);
-        beside.push(alone.iter().map(|&base| truth.alone(values, base)).collect::<Result<Vec<_>, _>>()?);
-        Ok(())
+        refined.push(truth.project_onto_samples(&luminance(encode::srgb(view).view()), values, true)?);
+        beside.push(
+            alone
+                .iter()
+                .map(|&base| truth.interpolate_own_samples(values, base))
+                .collect::<Result<Vec<_>, lenslet_views::Error>>()?,
+        );
+        Ok::<(), lenslet_views::Error>(())
     };
     multiview::render(&samples, &target, &wanted, &mut keep, &Silent)?;
 

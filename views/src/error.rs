@@ -28,9 +28,9 @@ pub enum Error {
     /// A light field that cannot be read or written.
     #[error(transparent)]
     LightField(#[from] lightfield::Error),
-    /// What the caller's sink of views returned.
-    #[error(transparent)]
-    Sink(Box<dyn std::error::Error + Send + Sync>),
+    /// Arrays of other sizes than they should have: the input's.
+    #[error("shapes do not belong together: {0}")]
+    Array(#[from] ndarray::ShapeError),
     /// The observer asked to stop.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),

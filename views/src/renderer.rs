@@ -22,7 +22,7 @@ use ndarray::{Array3, ArrayView2, Axis};
 use crate::Error;
 use crate::interpolate::{barycentric, bicubic, cubic};
 use crate::multiview;
-use crate::reconstruct::{self, Faithful, Reconstructor};
+use crate::reconstruct::{self, DataConsistent, Reconstructor};
 use crate::target::{Sink, Target, pitch};
 
 /// How samples become views.
@@ -96,14 +96,14 @@ impl Default for RenderOptions {
 ///
 /// # Errors
 /// Samples that cannot be triangulated, a target out of range, what the sink returns, interruption.
-pub fn render(
+pub fn render<E: From<Error>>(
     samples: &HexSamples,
     target: &Target,
     method: Method,
     options: &RenderOptions,
-    sink: Sink<'_>,
+    sink: Sink<'_, E>,
     observer: &dyn Observer,
-) -> Result<(), Error> {
+) -> Result<(), E> {
     match method {
         Method::Bicubic => {
             let prepared = bicubic::prepare(samples, target)?;
@@ -123,16 +123,16 @@ pub fn render(
 }
 
 /// Runs a method that treats every view by itself.
-fn each_view(
+fn each_view<E: From<Error>>(
     samples: &HexSamples,
-    sink: Sink<'_>,
+    sink: Sink<'_, E>,
     observer: &dyn Observer,
     view: &mut dyn FnMut(ArrayView2<'_, f32>) -> Result<Array3<f32>, Error>,
-) -> Result<(), Error> {
+) -> Result<(), E> {
     let n = samples.views;
     observer.begin("rendering views", (n * n) as u64);
     for (k, values) in samples.values.outer_iter().enumerate() {
-        observer.check()?;
+        observer.check().map_err(Error::from)?;
         sink(k / n, k % n, &view(values)?)?;
         observer.advance(1);
     }
@@ -170,25 +170,25 @@ fn base(method: Method) -> Interpolation {
 ///
 /// # Errors
 /// As the base method; a dictionary that cannot be used.
-fn render_learned(
+fn render_learned<E: From<Error>>(
     samples: &HexSamples,
     target: &Target,
     options: &RenderOptions,
-    sink: Sink<'_>,
+    sink: Sink<'_, E>,
     observer: &dyn Observer,
-) -> Result<(), Error> {
+) -> Result<(), E> {
     if options.base == Method::Learned {
-        return Err(Error::Parameter("learned reconstruction cannot start from itself".into()));
+        return Err(Error::Parameter("learned reconstruction cannot start from itself".into()).into());
     }
     let embedded: Dictionary;
     let dictionary = match &options.dictionary {
         Some(given) => given,
         None => {
-            embedded = reconstruct::embedded_for(base(options.base))?;
+            embedded = reconstruct::embedded_for(base(options.base)).map_err(Error::from)?;
             &embedded
         }
     };
-    let reconstructor = Reconstructor::new(dictionary, &options.infer)?;
+    let reconstructor = Reconstructor::new(dictionary, &options.infer).map_err(Error::from)?;
     let trained = reconstructor.model().base;
     if (trained == Interpolation::Multiview) != (options.base == Method::Multiview) {
         observer
@@ -204,18 +204,18 @@ fn render_learned(
     let faithful = match options.base {
         Method::Barycentric | Method::Cubic | Method::Multiview => {
             let size = (working.width, working.height);
-            Some(Faithful::new(&reconstructor, samples, base(options.base), size, options.infer.noise)?)
+            Some(DataConsistent::new(&reconstructor, samples, base(options.base), size, options.infer.noise)?)
         }
         _ => None,
     };
-    let mut learned = |v: usize, u: usize, view: &Array3<f32>| -> Result<(), Error> {
+    let mut learned = |v: usize, u: usize, view: &Array3<f32>| -> Result<(), E> {
         let encoded = crate::encode::srgb(view);
         let mut sharp = match &faithful {
             Some(f) => f.view(&encoded, samples.values.index_axis(Axis(0), v * samples.views + u))?,
-            None => reconstructor.view(&encoded)?,
+            None => reconstructor.view(&encoded).map_err(Error::from)?,
         };
         if working != *target {
-            sharp = enlarge::resize(sharp.view(), target.width, target.height)?;
+            sharp = enlarge::resize(sharp.view(), target.width, target.height).map_err(Error::from)?;
             sharp.mapv_inplace(|p| p.clamp(0.0, 1.0));
         }
         colour::convert(&mut sharp, ColourSpace::Srgb, ColourSpace::Linear);

@@ -36,5 +36,5 @@ pub fn pitch(samples: &HexSamples) -> f64 {
     (area / samples.centres.len().max(1) as f64 / (3f64.sqrt() / 2.0)).sqrt()
 }
 
-/// Where views go: (row v, column u, counted from 0; the view (t, s, c) in linear light).
-pub type Sink<'a> = &'a mut dyn FnMut(usize, usize, &Array3<f32>) -> Result<(), Error>;
+/// Where views go: (row v, column u, counted from 0; the view (t, s, c) in linear light). The sink's error type is the caller's.
+pub type Sink<'a, E = Error> = &'a mut dyn FnMut(usize, usize, &Array3<f32>) -> Result<(), E>;

@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use lenslet::apps::refocus::{self, Shape};
-use lenslet::apps::{disparity, picture, relief, viewer};
+use lenslet::apps::{picture, relief, viewer};
+use lenslet::disparity;
 use lenslet::report::{Picture, picture::strip};
 use lenslet_core::decode::HexSamples;
 use lenslet_core::output;

@@ -226,14 +226,14 @@ fn volume(
         .par_iter()
         .map(|&d| {
             if observer.cancelled() {
-                return Err(Error::Interrupted);
+                return Err(Interrupted.into());
             }
             let mut cost = sweep::cost(reference, &views, d, &robust);
             guide.filter(&mut cost);
             observer.advance(1);
             Ok(cost)
         })
-        .collect::<Result<Vec<_>, _>>()?;
+        .collect::<Result<Vec<_>, Error>>()?;
     Ok(sweep::Volume { width: reference.width, height: reference.height, hypotheses, planes })
 }
 
@@ -309,9 +309,7 @@ fn search(
     let n = volume.hypotheses.len();
     let penalties = regularise::Penalties { small: 0.009, large: 0.06, edge: 0.03 };
     let total = regularise::semi_global(&volume, reference, &penalties);
-    if observer.cancelled() {
-        return Err(Error::Interrupted);
-    }
+    observer.check()?;
     let mut found = Found { disparity: vec![0.0; w * h], confidence: vec![0.0; w * h] };
     found.disparity.par_iter_mut().zip(found.confidence.par_iter_mut()).enumerate().for_each(|(k, (d, c))| {
         let costs = &total[k * n..(k + 1) * n];

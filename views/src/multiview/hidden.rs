@@ -24,14 +24,14 @@ pub struct HiddenScore {
 ///
 /// # Errors
 /// A share outside 0..0.5, a view that does not exist, what `render` returns.
-pub fn hidden_score(
+pub fn hidden_score<E: From<Error>>(
     samples: &HexSamples,
     target: &Target,
     share: f64,
     seed: u64,
     at: (usize, usize),
-    render: &mut dyn FnMut(&HexSamples) -> Result<Array3<f32>, Error>,
-) -> Result<HiddenScore, Error> {
+    render: &mut dyn FnMut(&HexSamples) -> Result<Array3<f32>, E>,
+) -> Result<HiddenScore, E> {
     ensure_shape!(
         share > 0.0 && share < 0.5,
         "the share of hidden lenslets must be above 0 and below 0.5, not {share}"

@@ -64,13 +64,13 @@ const ABREAST: usize = 4;
 ///
 /// # Errors
 /// Samples that cannot be triangulated, options out of range, what the sink returns, interruption.
-pub fn render(
+pub fn render<E: From<Error>>(
     samples: &HexSamples,
     target: &Target,
     options: &Options,
-    sink: Sink<'_>,
+    sink: Sink<'_, E>,
     observer: &dyn Observer,
-) -> Result<(), Error> {
+) -> Result<(), E> {
     let bundle = Bundle::hexagonal(samples, target)?;
     render_bundle(&bundle, options, sink, observer)
 }
@@ -79,13 +79,13 @@ pub fn render(
 ///
 /// # Errors
 /// As [`render`].
-pub fn render_light_field(
+pub fn render_light_field<E: From<Error>>(
     field: &LightField,
     target: &Target,
     options: &Options,
-    sink: Sink<'_>,
+    sink: Sink<'_, E>,
     observer: &dyn Observer,
-) -> Result<(), Error> {
+) -> Result<(), E> {
     let bundle = Bundle::rectangular(field, target)?;
     render_bundle(&bundle, options, sink, observer)
 }
@@ -94,7 +94,12 @@ pub fn render_light_field(
 ///
 /// # Errors
 /// As [`render`].
-pub fn render_bundle(bundle: &Bundle, options: &Options, sink: Sink<'_>, observer: &dyn Observer) -> Result<(), Error> {
+pub fn render_bundle<E: From<Error>>(
+    bundle: &Bundle,
+    options: &Options,
+    sink: Sink<'_, E>,
+    observer: &dyn Observer,
+) -> Result<(), E> {
     let surfaces = Surfaces::estimate(bundle, options, observer)?;
     render_surfaces(bundle, &surfaces, options, sink, observer)
 }
@@ -103,13 +108,13 @@ pub fn render_bundle(bundle: &Bundle, options: &Options, sink: Sink<'_>, observe
 ///
 /// # Errors
 /// Views that do not exist, what the sink returns, interruption.
-pub fn render_surfaces(
+pub fn render_surfaces<E: From<Error>>(
     bundle: &Bundle,
     surfaces: &Surfaces,
     options: &Options,
-    sink: Sink<'_>,
+    sink: Sink<'_, E>,
     observer: &dyn Observer,
-) -> Result<(), Error> {
+) -> Result<(), E> {
     let (rows, columns) = bundle.views();
     let all = || (0..rows).flat_map(|v| (0..columns).map(move |u| (v, u))).collect();
     let views: Vec<(usize, usize)> = options.views.clone().unwrap_or_else(all);

@@ -10,7 +10,7 @@ use lenslet_core::sampling::Cubic;
 use ndarray::{Array2, Array3, ArrayView2, Axis};
 
 use super::noise::Neighbours;
-use super::{Measured, Noise, Reconstructor, back_project, checked_luminance, guided};
+use super::{Noise, Reconstructor, SamplingOperator, back_project, checked_luminance, guided};
 
 /// Rounds of back-projection: differences fall to about a thousandth of the range.
 const ROUNDS: usize = 4;
@@ -22,16 +22,16 @@ const REFINED: (f32, f32) = (1.5, 0.01);
 
 /// What was measured in every view, and how noisy it is.
 #[derive(Debug, Clone)]
-pub struct Truth {
-    measured: Measured,
+pub struct Measurements {
+    measured: SamplingOperator,
     cubic: Option<Cubic>,
     neighbours: Neighbours,
     given: Option<f32>,
 }
 
-impl Truth {
+impl Measurements {
     /// Samples that see `footprint` (`pitch` output pixels wide), for views of (width, height) pixels; `noise` as in
-    /// [`super::Options::noise`]; `alone` is what [`Truth::alone`] will be asked for.
+    /// [`super::Options::noise`]; `alone` is what [`Measurements::interpolate_own_samples`] will be asked for.
     ///
     /// # Errors
     /// Samples that cannot be triangulated, a size out of range.
@@ -48,7 +48,12 @@ impl Truth {
             samples.centres.iter().map(|c| [(c[0] + 0.5) * fx - 0.5, (c[1] + 0.5) * fy - 0.5]).collect();
         let neighbours = Neighbours::new(&centres)?;
         let cubic = if alone.contains(&Interpolation::Cubic) { Some(Cubic::new(&centres, size, size)?) } else { None };
-        Ok(Truth { measured: Measured::new(centres, footprint, pitch, size)?, cubic, neighbours, given: noise })
+        Ok(Measurements {
+            measured: SamplingOperator::new(centres, footprint, pitch, size)?,
+            cubic,
+            neighbours,
+            given: noise,
+        })
     }
 
     /// Noise of a view's samples (lenslets, 1 or 3 channels; linear light): what was given, or an estimate.
@@ -70,7 +75,12 @@ impl Truth {
     ///
     /// # Errors
     /// Shapes that do not belong together.
-    pub fn keep(&self, plane: &Array2<f32>, values: ArrayView2<'_, f32>, refined: bool) -> Result<Array2<f32>, Error> {
+    pub fn project_onto_samples(
+        &self,
+        plane: &Array2<f32>,
+        values: ArrayView2<'_, f32>,
+        refined: bool,
+    ) -> Result<Array2<f32>, Error> {
         let samples = encoded_luminance(values)?;
         let noise = self.noise(values)?;
         let (part, least) = if refined { REFINED } else { (OWN, 0.0) };
@@ -82,7 +92,11 @@ impl Truth {
     ///
     /// # Errors
     /// Another number of samples, another base.
-    pub fn alone(&self, values: ArrayView2<'_, f32>, base: Interpolation) -> Result<Array2<f32>, Error> {
+    pub fn interpolate_own_samples(
+        &self,
+        values: ArrayView2<'_, f32>,
+        base: Interpolation,
+    ) -> Result<Array2<f32>, Error> {
         let samples = encoded_luminance(values)?;
         match (base, &self.cubic) {
             (Interpolation::Barycentric, _) => Ok(self.measured.interpolate(&samples)?),
@@ -105,13 +119,13 @@ impl Truth {
 
 /// Reconstruction of views whose samples are at hand.
 #[derive(Debug, Clone)]
-pub struct Faithful<'a> {
+pub struct DataConsistent<'a> {
     reconstructor: &'a Reconstructor,
-    truth: Truth,
+    truth: Measurements,
     refined: bool,
 }
 
-impl<'a> Faithful<'a> {
+impl<'a> DataConsistent<'a> {
     /// For views of (width, height) pixels that `base` made of the samples; `noise` as in [`super::Options::noise`].
     ///
     /// # Errors
@@ -124,8 +138,8 @@ impl<'a> Faithful<'a> {
         noise: Option<f32>,
     ) -> Result<Self, Error> {
         let model = reconstructor.model();
-        let truth = Truth::new(samples, model.footprint, model.pitch, size, noise, reconstructor.beside())?;
-        Ok(Faithful { reconstructor, truth, refined: base == Interpolation::Multiview })
+        let truth = Measurements::new(samples, model.footprint, model.pitch, size, noise, reconstructor.beside())?;
+        Ok(DataConsistent { reconstructor, truth, refined: base == Interpolation::Multiview })
     }
 
     /// Reconstructs an sRGB-encoded view (t, s, c) made from samples of which its own are `values` (lenslets, c), in linear
@@ -139,22 +153,23 @@ impl<'a> Faithful<'a> {
     /// Shapes that do not belong together, what the solver reports.
     pub fn view(&self, low: &Array3<f32>, values: ArrayView2<'_, f32>) -> Result<Array3<f32>, Error> {
         let y = checked_luminance(low)?;
-        let beside = self.reconstructor.beside().iter().map(|&base| self.truth.alone(values, base));
+        let beside = self.reconstructor.beside().iter().map(|&base| self.truth.interpolate_own_samples(values, base));
         let beside = beside.collect::<Result<Vec<_>, Error>>()?;
         // Where a refined view is clearly off, features would be those of something else.
         let sharp = if self.refined {
-            self.reconstructor.plane_beside(self.truth.keep(&y, values, true)?.view(), &beside)?
+            self.reconstructor.plane_beside(self.truth.project_onto_samples(&y, values, true)?.view(), &beside)?
         } else {
             self.reconstructor.plane_beside(y.view(), &beside)?
         };
         // A network that was shown the samples has weighed them already.
-        let sharp = if beside.is_empty() { self.truth.keep(&sharp, values, self.refined)? } else { sharp };
+        let sharp =
+            if beside.is_empty() { self.truth.project_onto_samples(&sharp, values, self.refined)? } else { sharp };
         Ok(guided::with_luminance(low, &y, &sharp, self.reconstructor.reach()))
     }
 
     /// What was measured.
     #[must_use]
-    pub fn truth(&self) -> &Truth {
+    pub fn truth(&self) -> &Measurements {
         &self.truth
     }
 }
@@ -220,24 +235,25 @@ mod tests {
         let values = samples.values.index_axis(ndarray::Axis(0), 0);
         let low = encode::srgb(&barycentric::view(&barycentric::prepare(&samples, &target).unwrap(), values).unwrap());
         let wanted = encoded_luminance(values).unwrap();
-        let off = |faithful: &Faithful, view: &Array3<f32>| -> (f32, f32) {
+        let off = |faithful: &DataConsistent, view: &Array3<f32>| -> (f32, f32) {
             let found = faithful.truth().sample(&luminance(view.view())).unwrap();
             let errors: Vec<f32> = found.iter().zip(&wanted).map(|(a, b)| (a - b).abs()).collect();
             let rms = (errors.iter().map(|e| e * e).sum::<f32>() / errors.len() as f32).sqrt();
             (rms, errors.iter().fold(0.0, |a, &b| a.max(b)))
         };
-        let exact = Faithful::new(&reconstructor, &samples, Interpolation::Barycentric, (200, 200), Some(0.0)).unwrap();
+        let exact =
+            DataConsistent::new(&reconstructor, &samples, Interpolation::Barycentric, (200, 200), Some(0.0)).unwrap();
         let (plain, _) = off(&exact, &reconstructor.view(&low).unwrap());
         let (rms, worst) = off(&exact, &exact.view(&low, values).unwrap());
         assert!(rms < 0.001 && worst < 0.02 && rms < 0.3 * plain, "{rms} {worst} against {plain}");
         // Given noise, nothing is moved that noise explains, and the rest to within it.
         let noisy =
-            Faithful::new(&reconstructor, &samples, Interpolation::Barycentric, (200, 200), Some(0.02)).unwrap();
+            DataConsistent::new(&reconstructor, &samples, Interpolation::Barycentric, (200, 200), Some(0.02)).unwrap();
         let (_, worst) = off(&noisy, &noisy.view(&low, values).unwrap());
         assert!(worst < 0.03, "{worst}");
         // Noise that explains everything leaves the dictionary's view as it is.
         let blind =
-            Faithful::new(&reconstructor, &samples, Interpolation::Barycentric, (200, 200), Some(10.0)).unwrap();
+            DataConsistent::new(&reconstructor, &samples, Interpolation::Barycentric, (200, 200), Some(10.0)).unwrap();
         let free = reconstructor.view(&low).unwrap();
         assert!((&blind.view(&low, values).unwrap() - &free).iter().all(|d| d.abs() < 1e-5));
         assert!(exact.view(&low, values.slice(ndarray::s![1.., ..])).is_err());
@@ -252,12 +268,13 @@ mod tests {
         let target = Target { width: 200, height: 200 };
         let values = samples.values.index_axis(ndarray::Axis(0), 0);
         let low = encode::srgb(&barycentric::view(&barycentric::prepare(&samples, &target).unwrap(), values).unwrap());
-        let faithful = Faithful::new(&reconstructor, &samples, Interpolation::Multiview, (200, 200), None).unwrap();
+        let faithful =
+            DataConsistent::new(&reconstructor, &samples, Interpolation::Multiview, (200, 200), None).unwrap();
         let found = luminance(faithful.view(&low, values).unwrap().view());
         let truth = faithful.truth();
-        let kept = truth.keep(&luminance(low.view()), values, true).unwrap();
+        let kept = truth.project_onto_samples(&luminance(low.view()), values, true).unwrap();
         let beside: Vec<Array2<f32>> =
-            reconstructor.beside().iter().map(|&b| truth.alone(values, b).unwrap()).collect();
+            reconstructor.beside().iter().map(|&b| truth.interpolate_own_samples(values, b).unwrap()).collect();
         let by_hand = reconstructor.plane_beside(kept.view(), &beside).unwrap();
         assert!((&found - &by_hand).iter().all(|d| d.abs() < 1e-3));
         // Without what it wants to see, the codes stand in.
@@ -265,6 +282,6 @@ mod tests {
         let codes = Options { mode: crate::reconstruct::Mode::Lasso, ..Options::default() };
         assert_eq!(blind, Reconstructor::new(&dictionary, &codes).unwrap().plane(kept.view()).unwrap());
         assert!((&blind - &by_hand).iter().any(|d| d.abs() > 1e-3));
-        assert!(truth.alone(values, Interpolation::Bicubic).is_err());
+        assert!(truth.interpolate_own_samples(values, Interpolation::Bicubic).is_err());
     }
 }

@@ -7,7 +7,7 @@ use lenslet_core::progress::Observer;
 use lenslet_core::sampling::bicubic;
 use ndarray::{Array3, Axis};
 
-use super::{Faithful, Reconstructor};
+use super::{DataConsistent, Reconstructor};
 use crate::Error;
 use crate::error::{ensure_parameter, ensure_shape};
 
@@ -39,7 +39,7 @@ impl Enlargement {
 
 /// Reconstructs every view of `source` into `sink`, which takes values in colour space `to`. One view at a time in memory.
 /// With the samples that the views were made of, and the standard deviation of their noise where it is known, these stay true
-/// (see [`Faithful`]).
+/// (see [`DataConsistent`]).
 ///
 /// # Errors
 /// Views that cannot be read or written, samples of other views, a factor out of range, interruption
@@ -68,7 +68,7 @@ pub fn light_field(
                 "the samples are of {0}x{0} views, the light field has {rows}x{columns}",
                 samples.views
             );
-            Some((Faithful::new(reconstructor, samples, base, (size[1], size[0]), noise)?, samples))
+            Some((DataConsistent::new(reconstructor, samples, base, (size[1], size[0]), noise)?, samples))
         }
         None => None,
     };

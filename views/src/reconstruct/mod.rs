@@ -8,11 +8,11 @@ mod light_field;
 mod noise;
 mod sampling_operator;
 
-pub use data_consistent::{Faithful, Truth};
+pub use data_consistent::{DataConsistent, Measurements};
 pub use embedded::{embedded, embedded_for, name_for, named, names};
 pub use light_field::{Enlargement, light_field};
 pub use noise::Noise;
-pub use sampling_operator::{Measured, back_project};
+pub use sampling_operator::{SamplingOperator, back_project};
 
 use lenslet_core::dictionary::{self, Dictionary, Footprint, Interpolation, Path};
 use lenslet_core::metrics::luminance;
@@ -55,7 +55,7 @@ pub struct Options {
     /// Passes used, all by default.
     pub passes: Option<usize>,
     /// Standard deviation of the samples' noise (sRGB-encoded luminance, 0..1) instead of what is estimated from them, where
-    /// the measured samples are at hand: see [`Truth`].
+    /// the measured samples are at hand: see [`Measurements`].
     pub noise: Option<f32>,
 }
 

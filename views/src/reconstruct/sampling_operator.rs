@@ -1,4 +1,4 @@
-//! Measured samples stay true: z ← z + U(y − S z), where S takes the samples out of a plane as the camera does, and U
+//! SamplingOperator samples stay true: z ← z + U(y − S z), where S takes the samples out of a plane as the camera does, and U
 //! interpolates what is missing. A few rounds bring S z to y.
 
 use lenslet_core::dictionary::Footprint;
@@ -7,13 +7,13 @@ use ndarray::{Array2, ArrayView1, Axis};
 
 /// What was measured, placed in the output plane.
 #[derive(Debug, Clone)]
-pub struct Measured {
+pub struct SamplingOperator {
     centres: Vec<[f64; 2]>,
     table: Weights,
     footprint: sampling::Footprint,
 }
 
-impl Measured {
+impl SamplingOperator {
     /// Samples at `centres` (x, y in output pixels), each seeing `footprint` (`pitch` output pixels wide where it is the
     /// lenslet's), of a plane of (width, height).
     ///
@@ -30,7 +30,7 @@ impl Measured {
             Footprint::Lenslet => sampling::Footprint::Disc(pitch),
             Footprint::Point | Footprint::Grid => sampling::Footprint::Bilinear,
         };
-        Ok(Measured { centres, table, footprint })
+        Ok(SamplingOperator { centres, table, footprint })
     }
 
     /// What interpolation makes of a value a place.
@@ -60,7 +60,7 @@ impl Measured {
 /// Shapes that do not belong together.
 pub fn back_project(
     plane: &Array2<f32>,
-    measured: &Measured,
+    measured: &SamplingOperator,
     values: ArrayView1<'_, f32>,
     rounds: usize,
     noise: &[f32],
@@ -91,7 +91,7 @@ pub fn back_project(
 
 fn difference(
     plane: &Array2<f32>,
-    measured: &Measured,
+    measured: &SamplingOperator,
     values: ArrayView1<'_, f32>,
     noise: &[f32],
 ) -> Result<Array2<f32>, sampling::Error> {
@@ -119,7 +119,7 @@ mod tests {
         ] {
             let (placed, values) =
                 lattice_samples(truth.view().insert_axis(Axis(2)), 3.3, 0.002, [0.2, 0.6], core).unwrap();
-            let measured = Measured::new(placed.centres, footprint, 3.3, (90, 80)).unwrap();
+            let measured = SamplingOperator::new(placed.centres, footprint, 3.3, (90, 80)).unwrap();
             let start = Array2::from_elem((80, 90), 0.5);
             let (result, left) = back_project(&start, &measured, values.column(0), 12, &[]).unwrap();
             assert!(left < tolerance, "{footprint}: {left}");
@@ -131,6 +131,6 @@ mod tests {
             assert_eq!(same, start);
             assert!(back_project(&start, &measured, values.column(0), 5, &noise[1..]).is_err());
         }
-        assert!(Measured::new(vec![[0.0, 0.0]], Footprint::Point, 3.3, (9, 9)).is_err());
+        assert!(SamplingOperator::new(vec![[0.0, 0.0]], Footprint::Point, 3.3, (9, 9)).is_err());
     }
 }
