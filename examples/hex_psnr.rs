@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow, bail, ensure};
 use lenslet_core::dictionary::{self, Dictionary, Footprint};
-use lenslet_core::metrics::{self, Window};
+use lenslet_core::metrics::{BORDER, Scores, Window};
 use lenslet_core::sampling::{self, Cubic, DEFAULT_PITCH, DEFAULT_ROTATION, Weights, bicubic, lattice_samples};
 use lenslet_data_gen::pairs::load_photo;
 use lenslet_views::reconstruct::{Mode, Options, Reconstructor, SamplingOperator, back_project, embedded};
@@ -21,7 +21,6 @@ use rand::{RngExt, SeedableRng};
 use serde_json::{Value, json};
 
 const SIDE: usize = 1080;
-const BORDER: usize = 12;
 
 struct Arguments {
     dictionary: Dictionary,
@@ -65,12 +64,10 @@ fn arguments() -> anyhow::Result<Arguments> {
 }
 
 fn score(result: &Array2<f32>, truth: &Array2<f32>) -> anyhow::Result<(f64, f64)> {
-    let (h, w) = truth.dim();
-    let inner = s![BORDER..h - BORDER, BORDER..w - BORDER];
-    let result = result.slice(inner).mapv(|v| v.clamp(0.0, 1.0));
-    let truth = truth.slice(inner);
-    let psnr = metrics::psnr(result.view().into_dyn(), truth.into_dyn())?;
-    Ok((psnr, metrics::ssim(result.view(), truth, Window::Gaussian)?))
+    let result = result.mapv(|v| v.clamp(0.0, 1.0)).insert_axis(Axis(2));
+    let truth = truth.view().insert_axis(Axis(2));
+    let scores = Scores::between(result.view(), truth, &Window::without_border(BORDER))?;
+    Ok((scores.psnr_y, scores.ssim_y))
 }
 
 fn plane(values: ndarray::Array3<f32>) -> Array2<f32> {

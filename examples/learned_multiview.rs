@@ -12,7 +12,7 @@ use lenslet_core::calibration;
 use lenslet_core::decode;
 use lenslet_core::dictionary::{self, Dictionary, Interpolation};
 use lenslet_core::lightfield::{ColourSpace, colour};
-use lenslet_core::metrics::{self, luminance};
+use lenslet_core::metrics::{BORDER, Scores, Window};
 use lenslet_core::progress::Silent;
 use lenslet_data_gen::simulate::{self, Camera, Kind, Scene};
 use lenslet_views::reconstruct::{self, DataConsistent, Mode, Options, Reconstructor};
@@ -20,7 +20,6 @@ use lenslet_views::{Target, encode, multiview};
 use ndarray::{Array3, Axis};
 use serde_json::{Map, Value, json};
 
-const BORDER: usize = 12;
 const VIEWS: usize = 7;
 
 struct Arguments {
@@ -66,11 +65,8 @@ fn arguments() -> anyhow::Result<Arguments> {
 
 /// PSNR of colour and of luminance.
 fn scores(view: &Array3<f32>, truth: &Array3<f32>) -> anyhow::Result<[f64; 2]> {
-    let (a, b) = (view.view(), truth.view());
-    let inner = |p| metrics::inner(p, BORDER).context("the views are too small to be scored");
-    let (a, b) = (inner(&a)?, inner(&b)?);
-    let (ya, yb) = (luminance(a), luminance(b));
-    Ok([metrics::psnr(a.into_dyn(), b.into_dyn())?, metrics::psnr(ya.view().into_dyn(), yb.view().into_dyn())?])
+    let scores = Scores::between(view.view(), truth.view(), &Window::without_border(BORDER))?;
+    Ok([scores.psnr_rgb, scores.psnr_y])
 }
 
 fn scored(kind: Kind, a: &Arguments, reconstructor: &Reconstructor) -> anyhow::Result<Value> {

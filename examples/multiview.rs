@@ -16,7 +16,7 @@ use lenslet::apps::relief;
 use lenslet_core::decode::{HexSamples, npz};
 use lenslet_core::dictionary::Interpolation;
 use lenslet_core::lightfield::{self, ColourSpace, LightField, ReadOptions, colour};
-use lenslet_core::metrics::{self, Window};
+use lenslet_core::metrics::{self, BORDER, Scores, Window};
 use lenslet_core::progress::Silent;
 use lenslet_core::sampling::{DEFAULT_PITCH, DEFAULT_ROTATION, Footprint, lattice_samples};
 use lenslet_views::Target;
@@ -26,7 +26,6 @@ use lenslet_views::reconstruct::{self, DataConsistent, Reconstructor};
 use ndarray::{Array2, Array3, Axis, s};
 use serde_json::{Map, Value, json};
 
-const BORDER: usize = 12;
 const METHODS: [&str; 4] = ["barycentric", "cubic", "multiview", "learned"];
 
 struct Arguments {
@@ -147,17 +146,8 @@ fn scores(rendered: &Rendered, truths: &[Array3<f32>]) -> anyhow::Result<Value> 
         let mut places = Map::new();
         for ((place, view), truth) in PLACES.iter().zip(views).zip(truths) {
             let view = encoded(view);
-            let small = "the views are too small to be scored";
-            let (a, b) = (view.view(), truth.view());
-            let (a, b) = (metrics::inner(&a, BORDER).context(small)?, metrics::inner(&b, BORDER).context(small)?);
-            let (ya, yb) = (metrics::luminance(a), metrics::luminance(b));
-            places.insert(
-                (*place).into(),
-                json!({
-                    "psnr": metrics::psnr(a.into_dyn(), b.into_dyn())?,
-                    "ssim": metrics::ssim(ya.view(), yb.view(), Window::Gaussian)?,
-                }),
-            );
+            let scores = Scores::between(view.view(), truth.view(), &Window::without_border(BORDER))?;
+            places.insert((*place).into(), json!({ "psnr": scores.psnr_rgb, "ssim": scores.ssim_y }));
         }
         out.insert((*method).into(), places.into());
     }
@@ -172,8 +162,9 @@ fn agreement(rendered: &Rendered, disparity: &Array2<f32>, views: usize) -> anyh
     let mut out = Map::new();
     for (method, list) in METHODS.iter().zip(&rendered.views) {
         let list: Vec<Array3<f32>> = list.iter().map(encoded).collect();
-        let one =
-            |k: usize, steps| metrics::consistency(list[0].view(), list[k].view(), disparity.view(), steps, border);
+        let one = |k: usize, steps| {
+            metrics::view_consistency(list[0].view(), list[k].view(), disparity.view(), steps, border)
+        };
         let mut places = Map::new();
         places.insert("rim".into(), one(1, (reach, 0.0))?.into());
         let away = -((views / 2) as f64);

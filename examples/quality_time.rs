@@ -9,7 +9,7 @@ use std::path::Path as FilePath;
 
 use anyhow::{anyhow, bail, ensure};
 use lenslet_core::dictionary::{self, Footprint, Options, Path, Reconstructor};
-use lenslet_core::metrics;
+use lenslet_core::metrics::{BORDER, Scores, Window};
 use lenslet_core::sampling::{self, DEFAULT_PITCH, DEFAULT_ROTATION, Weights, lattice_samples};
 use lenslet_data_gen::pairs::load_photo;
 use lenslet_views::reconstruct::embedded;
@@ -17,7 +17,6 @@ use ndarray::{Array2, Axis, s};
 use serde_json::{Value, json};
 
 const SIDE: usize = 1080;
-const BORDER: usize = 12;
 
 /// Name, path, step, λ (the trained one where None), copies averaged.
 type Row = (&'static str, Path, usize, Option<f32>, usize);
@@ -97,10 +96,9 @@ fn main() -> anyhow::Result<()> {
         planes.push((truth, low));
     }
     let psnr = |result: &Array2<f32>, truth: &Array2<f32>| -> anyhow::Result<f64> {
-        let (h, w) = truth.dim();
-        let inner = s![BORDER..h - BORDER, BORDER..w - BORDER];
-        let result = result.slice(inner).mapv(|v| v.clamp(0.0, 1.0));
-        Ok(metrics::psnr(result.view().into_dyn(), truth.slice(inner).into_dyn())?)
+        let result = result.mapv(|v| v.clamp(0.0, 1.0)).insert_axis(Axis(2));
+        let truth = truth.view().insert_axis(Axis(2));
+        Ok(Scores::between(result.view(), truth, &Window::without_border(BORDER))?.psnr_y)
     };
     let mut before = 0.0;
     for (truth, low) in &planes {

@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
 
+mod ciede2000;
+
 use std::path::Path;
 use std::process::Command;
 
@@ -9,9 +11,11 @@ use lenslet_core::calibration;
 use lenslet_core::container;
 use lenslet_core::decode::{self, HexSamples, Step};
 use lenslet_core::lightfield::{self, ReadOptions};
-use lenslet_core::metrics::{self, delta_e_2000, lab};
+use lenslet_core::metrics;
 use lenslet_core::progress::Silent;
 use lenslet_data_gen::simulate::{self, Camera, Kind, Options, Scene};
+
+use ciede2000::{delta_e_2000, lab};
 
 const SIDE: f64 = 600.0;
 

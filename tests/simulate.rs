@@ -57,8 +57,7 @@ fn view(samples: &HexSamples, target: Target, method: Method) -> Array3<f32> {
 }
 
 fn luminance_psnr(a: &Array3<f32>, b: &Array3<f32>) -> f64 {
-    let inner = |p: &Array3<f32>| metrics::luminance(metrics::inner(&p.view(), 12).unwrap());
-    metrics::psnr(inner(a).view().into_dyn(), inner(b).view().into_dyn()).unwrap()
+    metrics::Scores::between(a.view(), b.view(), &metrics::Window::without_border(12)).unwrap().psnr_y
 }
 
 #[test]

@@ -2,14 +2,11 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use lenslet_core::lightfield::{ColourSpace, colour};
-use lenslet_core::metrics::{self, Window};
+use lenslet_core::metrics::{self, BORDER, Window};
 use lenslet_data_gen::simulate::Region;
 use ndarray::{Array2, Array3, ArrayView2, s};
-
-/// Pixels left out at the border, where the lattice ends.
-pub(super) const BORDER: usize = 12;
 
 /// Scores by name.
 type Scores = BTreeMap<String, f64>;
@@ -27,18 +24,15 @@ pub(super) fn against_truth(images: &[Array3<f32>], truths: &[Array3<f32>], scor
     let mut outer = Vec::new();
     for (k, (image, truth)) in images.iter().zip(truths).enumerate() {
         let image = encoded(image);
-        let (a, b) = (image.view(), truth.view());
-        let (a, b) = (metrics::inner(&a, BORDER), metrics::inner(&b, BORDER));
-        let (a, b) = (a.context("views are smaller than the border")?, b.context("views are smaller than the border")?);
-        let psnr = metrics::psnr(a.into_dyn(), b.into_dyn())?;
+        let window = Window::without_border(BORDER);
         if k > 0 {
-            outer.push(psnr);
+            outer.push(metrics::psnr(window.crop(image.view())?, window.crop(truth.view())?)?);
             continue;
         }
-        let (ya, yb) = (metrics::luminance(a), metrics::luminance(b));
-        scores.insert("psnr".into(), psnr);
-        scores.insert("psnr_y".into(), metrics::psnr(ya.view().into_dyn(), yb.view().into_dyn())?);
-        scores.insert("ssim".into(), metrics::ssim(ya.view(), yb.view(), Window::Gaussian)?);
+        let middle = metrics::Scores::between(image.view(), truth.view(), &window)?;
+        scores.insert("psnr".into(), middle.psnr_rgb);
+        scores.insert("psnr_y".into(), middle.psnr_y);
+        scores.insert("ssim".into(), middle.ssim_y);
     }
     if !outer.is_empty() {
         scores.insert("psnr_outer".into(), outer.iter().sum::<f64>() / outer.len() as f64);
@@ -57,7 +51,10 @@ pub(super) fn agreement(
         // Beyond the border something else may come into view.
         let border = BORDER + (steps.0.abs().max(steps.1.abs()) * 4.0) as usize;
         let (a, b) = (encoded(centre), encoded(other));
-        scores.insert("consistency".into(), metrics::consistency(a.view(), b.view(), disparity.view(), steps, border)?);
+        scores.insert(
+            "consistency".into(),
+            metrics::view_consistency(a.view(), b.view(), disparity.view(), steps, border)?,
+        );
     }
     Ok(())
 }
@@ -89,7 +86,7 @@ pub(super) fn chart(image: &Array3<f32>, truth: &Array3<f32>, regions: &[Region]
                 }
             }
             "lines" => {
-                if let (Some(p), Some(frequency)) = (metrics::pattern(a, b), region.frequency) {
+                if let (Some(p), Some(frequency)) = (metrics::pattern_contrast(a, b), region.frequency) {
                     add("line_contrast".into(), p.contrast);
                     add("spurious".into(), p.spurious);
                     add(format!("line_contrast_{frequency:.2}"), p.contrast);

@@ -11,7 +11,7 @@ use lenslet_core::calibration::{self, Calibration};
 use lenslet_core::decode::{self, HexSamples};
 use lenslet_core::dictionary::Interpolation;
 use lenslet_core::lightfield::{ColourSpace, colour};
-use lenslet_core::metrics::{self, Window};
+use lenslet_core::metrics::{BORDER, Scores, Window};
 use lenslet_core::output::{self, Pending};
 use lenslet_core::progress::Observer;
 use lenslet_data_gen::simulate::{self, Camera, Kind, Lenslets, Options, Scene, Truth};
@@ -50,8 +50,6 @@ pub struct Args {
 /// Views a side, and those that are scored (row, column): the centre and the corners.
 const VIEWS: usize = 7;
 const SCORED: [(usize, usize); 5] = [(3, 3), (0, 0), (0, 6), (6, 0), (6, 6)];
-/// Pixels left out on each side when scoring.
-const BORDER: usize = 12;
 /// Crops shown: name and middle as shares of the picture.
 const CROPS: [(&str, f64, f64); 4] =
     [("star", 0.33, 0.27), ("letters", 0.19, 0.49), ("leaves", 0.72, 0.18), ("fruit and wall", 0.6, 0.67)];
@@ -63,14 +61,6 @@ struct Reconstruction {
     views: Vec<Array3<f32>>,
     seconds: f64,
     scores: Vec<Scores>,
-}
-
-/// Scores of one view.
-#[derive(Clone, Copy)]
-struct Scores {
-    psnr_rgb: f64,
-    psnr_y: f64,
-    ssim_y: f64,
 }
 
 /// What calibration found beside what is true.
@@ -226,15 +216,7 @@ fn single(samples: &HexSamples, v: usize, u: usize) -> HexSamples {
 }
 
 fn score(result: &Array3<f32>, truth: &Array3<f32>) -> anyhow::Result<Scores> {
-    let (a, b) = (result.view(), truth.view());
-    let inner = |p| metrics::inner(p, BORDER).context("the views are too small to be scored");
-    let (a, b) = (inner(&a)?, inner(&b)?);
-    let (ya, yb) = (metrics::luminance(a), metrics::luminance(b));
-    Ok(Scores {
-        psnr_rgb: metrics::psnr(a.into_dyn(), b.into_dyn())?,
-        psnr_y: metrics::psnr(ya.view().into_dyn(), yb.view().into_dyn())?,
-        ssim_y: metrics::ssim(ya.view(), yb.view(), Window::default())?,
-    })
+    Scores::between(result.view(), truth.view(), &Window::without_border(BORDER)).context("the views cannot be scored")
 }
 
 fn mean(scores: &[Scores], of: impl Fn(&Scores) -> f64) -> f64 {

@@ -4,8 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use lenslet_core::lightfield::{self, ColourSpace, ReadOptions, ViewSource, colour};
-use lenslet_core::metrics::align::{self, Alignment};
-use lenslet_core::metrics::{self, Window};
+use lenslet_core::metrics::{Alignment, Scores, SsimWindow, Window};
 use lenslet_core::progress::Observer;
 use ndarray::Array3;
 use serde_json::{Map, Value, json};
@@ -52,19 +51,13 @@ pub fn parse_views(text: &str) -> Result<[usize; 2], String> {
     }
 }
 
-/// One view's scores.
-struct Scores {
-    psnr_rgb: f64,
-    psnr_y: f64,
-    ssim_y: f64,
-}
-
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let options = ReadOptions { views: args.views, ..ReadOptions::default() };
     let result = lightfield::open(&args.result, &options)?;
     let reference = lightfield::open(&args.reference, &options)?;
     comparable(result.as_ref(), reference.as_ref(), args)?;
-    let window = if args.ssim == "uniform" { Window::Uniform } else { Window::Gaussian };
+    let ssim = if args.ssim == "uniform" { SsimWindow::Uniform } else { SsimWindow::Gaussian };
+    let window = Window::without_border(args.border).with_ssim(ssim);
     let both_linear = [&result, &reference].iter().all(|l| l.meta().colour == ColourSpace::Linear);
     let [rows, columns] = result.meta().views;
 
@@ -78,7 +71,10 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let alignment = if args.align {
         let (v, u) = (rows / 2, columns / 2);
         let (a, b) = (read(result.as_ref(), v, u)?, read(reference.as_ref(), v, u)?);
-        Some(align::register(a.view(), b.view()).with_context(|| format!("cannot align {}", args.result.display()))?)
+        Some(
+            Alignment::estimate(a.view(), b.view())
+                .with_context(|| format!("cannot align {}", args.result.display()))?,
+        )
     } else {
         None
     };
@@ -90,9 +86,9 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
             let mut view = read(result.as_ref(), v, u)?;
             let truth = read(reference.as_ref(), v, u)?;
             if let Some(alignment) = &alignment {
-                view = align::aligned(view.view(), alignment, (truth.dim().0, truth.dim().1));
+                view = alignment.apply(view.view(), (truth.dim().0, truth.dim().1));
             }
-            let scores = score(&view, &truth, args.border, window)
+            let scores = Scores::between(view.view(), truth.view(), &window)
                 .with_context(|| format!("view ({v}, {u}) of {}", args.result.display()))?;
             views.push((v, u, scores));
             context.progress.advance(1);
@@ -122,17 +118,6 @@ fn comparable(result: &dyn ViewSource, reference: &dyn ViewSource, args: &Args) 
         return Err(Usage(format!("--border {} leaves nothing of {width}x{height} pixels", args.border)).into());
     }
     Ok(())
-}
-
-/// Scores of one view, both of shape (t, s, c).
-fn score(result: &Array3<f32>, reference: &Array3<f32>, border: usize, window: Window) -> anyhow::Result<Scores> {
-    let cut = |view: &Array3<f32>| metrics::inner(&view.view(), border).map(|v| v.to_owned());
-    let (Some(a), Some(b)) = (cut(result), cut(reference)) else { anyhow::bail!("--border leaves nothing") };
-    let (ya, yb) = (metrics::luminance(a.view()), metrics::luminance(b.view()));
-    let psnr_y = metrics::psnr(ya.view().into_dyn(), yb.view().into_dyn())?;
-    // Against a grey picture only luminance can be compared.
-    let psnr_rgb = if a.dim() == b.dim() { metrics::psnr(a.view().into_dyn(), b.view().into_dyn())? } else { psnr_y };
-    Ok(Scores { psnr_rgb, psnr_y, ssim_y: metrics::ssim(ya.view(), yb.view(), window)? })
 }
 
 /// Mean of the finite values, null when there is none.

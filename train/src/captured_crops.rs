@@ -8,7 +8,7 @@ use lenslet_core::calibration;
 use lenslet_core::decode;
 use lenslet_core::dictionary::{Footprint, Interpolation, Photo};
 use lenslet_core::lightfield::{ColourSpace, colour};
-use lenslet_core::metrics::luminance;
+use lenslet_core::metrics::{BORDER, luminance};
 use lenslet_core::progress::{Observer, Silent};
 use lenslet_data_gen::pairs::{Crop, find_photos, load_photo};
 use lenslet_data_gen::simulate::{self, Camera, Kind, Scene};
@@ -32,8 +32,6 @@ const VIEWS: usize = 7;
 const TAKEN: usize = 4;
 /// Most noise of a capture, as in [`simulate::Options`].
 const NOISE: f64 = 3.0;
-/// Pixels left out at the border of a view.
-const BORDER: usize = 12;
 
 /// Crops for [`crate::train_on`] from photos (files, or folders that are searched): twice `parameters.crops` for
 /// every photo that trains, of `parameters.crop` pixels a side; every `held_out`-th photo only before captures that do not

@@ -4,7 +4,8 @@
 use ndarray::{Array2, Array3, ArrayView3};
 use rayon::prelude::*;
 
-use super::{Error, luminance};
+use super::error::Error;
+use super::luminance::luminance;
 use crate::sampling::bicubic;
 
 /// Smallest side of the coarsest level, pixels.
@@ -23,66 +24,71 @@ pub struct Alignment {
     pub gain: Vec<[f64; 2]>,
 }
 
-/// Registers `result` (t, s, c) onto `reference` (t, s, c), of any two sizes that show about the same scene.
-///
-/// # Errors
-/// When the channels differ, a side is shorter than 16 pixels, or a value is not finite.
-pub fn register(result: ArrayView3<f32>, reference: ArrayView3<f32>) -> Result<Alignment, Error> {
-    for picture in [&result, &reference] {
-        let (height, width, _) = picture.dim();
-        if height < 16 || width < 16 {
-            return Err(Error::Small { height, width, least: 16 });
+impl Alignment {
+    /// Registers `result` (t, s, c) onto `reference` (t, s, c), of any two sizes that show about the same scene.
+    ///
+    /// # Errors
+    /// When the channels differ, a side is shorter than 16 pixels, or a value is not finite.
+    pub fn estimate(result: ArrayView3<f32>, reference: ArrayView3<f32>) -> Result<Alignment, Error> {
+        for picture in [&result, &reference] {
+            let (height, width, _) = picture.dim();
+            if height < 16 || width < 16 {
+                return Err(Error::Small { height, width, least: 16 });
+            }
+            if picture.iter().any(|x| !x.is_finite()) {
+                return Err(Error::NotFinite);
+            }
         }
-        if picture.iter().any(|x| !x.is_finite()) {
-            return Err(Error::NotFinite);
+        if result.dim().2 != reference.dim().2 {
+            return Err(Error::Shape { result: result.shape().to_vec(), reference: reference.shape().to_vec() });
         }
-    }
-    if result.dim().2 != reference.dim().2 {
-        return Err(Error::Shape { result: result.shape().to_vec(), reference: reference.shape().to_vec() });
-    }
-    let (from, to) = (pyramid(luminance(result)), pyramid(luminance(reference)));
-    let levels = from.len().min(to.len());
-    let ratio = |a: usize, b: usize| a as f64 / b as f64;
-    let (rh, rw) = (ratio(result.dim().0, reference.dim().0), ratio(result.dim().1, reference.dim().1));
-    // Same field of view to begin with: pixel centres as in `sampling`.
-    let mut affine = [rw, 0.0, 0.5 * rw - 0.5, 0.0, rh, 0.5 * rh - 0.5];
-    for level in (0..levels).rev() {
-        let scale = f64::from(1u32 << level);
-        // Position x on the full picture is (x + 0.5)/scale − 0.5 on the level.
-        let mut local = affine;
-        for (row, k) in [(0, 2), (3, 5)] {
-            let shift = 0.5 * (scale - 1.0);
-            local[k] = (affine[row] * shift + affine[row + 1] * shift + affine[k] - shift) / scale;
+        let (from, to) = (pyramid(luminance(result)), pyramid(luminance(reference)));
+        let levels = from.len().min(to.len());
+        let ratio = |a: usize, b: usize| a as f64 / b as f64;
+        let (rh, rw) = (ratio(result.dim().0, reference.dim().0), ratio(result.dim().1, reference.dim().1));
+        // Same field of view to begin with: pixel centres as in `sampling`.
+        let mut affine = [rw, 0.0, 0.5 * rw - 0.5, 0.0, rh, 0.5 * rh - 0.5];
+        for level in (0..levels).rev() {
+            let scale = f64::from(1u32 << level);
+            // Position x on the full picture is (x + 0.5)/scale − 0.5 on the level.
+            let mut local = affine;
+            for (row, k) in [(0, 2), (3, 5)] {
+                let shift = 0.5 * (scale - 1.0);
+                local[k] = (affine[row] * shift + affine[row + 1] * shift + affine[k] - shift) / scale;
+            }
+            refine_affine(&from[level], &to[level], &mut local);
+            for (row, k) in [(0, 2), (3, 5)] {
+                let shift = 0.5 * (scale - 1.0);
+                affine[row] = local[row];
+                affine[row + 1] = local[row + 1];
+                affine[k] = local[k] * scale + shift - local[row] * shift - local[row + 1] * shift;
+            }
         }
-        refine(&from[level], &to[level], &mut local);
-        for (row, k) in [(0, 2), (3, 5)] {
-            let shift = 0.5 * (scale - 1.0);
-            affine[row] = local[row];
-            affine[row + 1] = local[row + 1];
-            affine[k] = local[k] * scale + shift - local[row] * shift - local[row + 1] * shift;
+        let mut alignment = Alignment { affine, gain: Vec::new() };
+        let warped = warp_affine(result, &alignment.affine, (reference.dim().0, reference.dim().1));
+        let rim = (reference.dim().0.min(reference.dim().1) / 18).max(1);
+        for c in 0..reference.dim().2 {
+            let inner = ndarray::s![rim..reference.dim().0 - rim, rim..reference.dim().1 - rim, c];
+            alignment.gain.push(fit_gain_and_offset(warped.slice(inner).iter(), reference.slice(inner).iter()));
         }
+        Ok(alignment)
     }
-    let mut alignment = Alignment { affine, gain: Vec::new() };
-    let warped = warp(result, &alignment.affine, (reference.dim().0, reference.dim().1));
-    let rim = (reference.dim().0.min(reference.dim().1) / 18).max(1);
-    for c in 0..reference.dim().2 {
-        let inner = ndarray::s![rim..reference.dim().0 - rim, rim..reference.dim().1 - rim, c];
-        alignment.gain.push(gain(warped.slice(inner).iter(), reference.slice(inner).iter()));
-    }
-    Ok(alignment)
-}
 
-/// `result` as the alignment says it lies on a reference of `size` (height, width), gain and offset applied.
-pub fn aligned(result: ArrayView3<f32>, alignment: &Alignment, size: (usize, usize)) -> Array3<f32> {
-    let mut out = warp(result, &alignment.affine, size);
-    for (c, &[gain, offset]) in alignment.gain.iter().enumerate().take(out.dim().2) {
-        out.index_axis_mut(ndarray::Axis(2), c).mapv_inplace(|x| (gain * f64::from(x) + offset) as f32);
+    /// `result` (t, s, c) brought onto a reference of `size` (height, width), gain and offset applied.
+    pub fn apply(&self, result: ArrayView3<f32>, size: (usize, usize)) -> Array3<f32> {
+        let mut out = warp_affine(result, &self.affine, size);
+        for (c, &[gain, offset]) in self.gain.iter().enumerate().take(out.dim().2) {
+            out.index_axis_mut(ndarray::Axis(2), c).mapv_inplace(|x| (gain * f64::from(x) + offset) as f32);
+        }
+        out
     }
-    out
 }
 
 /// Least-squares gain and offset from x to y.
-fn gain<'a>(x: impl Iterator<Item = &'a f32> + Clone, y: impl Iterator<Item = &'a f32> + Clone) -> [f64; 2] {
+fn fit_gain_and_offset<'a>(
+    x: impl Iterator<Item = &'a f32> + Clone,
+    y: impl Iterator<Item = &'a f32> + Clone,
+) -> [f64; 2] {
     let mean = |v: &mut dyn Iterator<Item = &'a f32>| {
         let (sum, n) = v.fold((0.0, 0.0), |(s, n), &x| (s + f64::from(x), n + 1.0));
         sum / n
@@ -97,7 +103,8 @@ fn gain<'a>(x: impl Iterator<Item = &'a f32> + Clone, y: impl Iterator<Item = &'
     [gain, my - gain * mx]
 }
 
-fn warp(picture: ArrayView3<f32>, a: &[f64; 6], (height, width): (usize, usize)) -> Array3<f32> {
+/// The picture sampled at `a` applied to every pixel of an output of this size, bicubic.
+fn warp_affine(picture: ArrayView3<f32>, a: &[f64; 6], (height, width): (usize, usize)) -> Array3<f32> {
     let channels = picture.dim().2;
     let mut out = vec![0.0; height * width * channels];
     out.par_chunks_mut(width * channels).enumerate().for_each(|(t, row)| {
@@ -125,7 +132,7 @@ fn pyramid(picture: Array2<f32>) -> Vec<Array2<f32>> {
 }
 
 /// Bilinear value and slopes of a picture; None outside of it.
-fn at(picture: &Array2<f32>, x: f64, y: f64) -> Option<[f64; 3]> {
+fn bilinear_with_slopes(picture: &Array2<f32>, x: f64, y: f64) -> Option<[f64; 3]> {
     let (height, width) = picture.dim();
     if !(x >= 0.0 && y >= 0.0 && x < (width - 1) as f64 && y < (height - 1) as f64) {
         return None;
@@ -139,7 +146,7 @@ fn at(picture: &Array2<f32>, x: f64, y: f64) -> Option<[f64; 3]> {
 }
 
 /// Gauss-Newton over the six numbers of the map and a gain and offset.
-fn refine(from: &Array2<f32>, to: &Array2<f32>, affine: &mut [f64; 6]) {
+fn refine_affine(from: &Array2<f32>, to: &Array2<f32>, affine: &mut [f64; 6]) {
     let (height, width) = to.dim();
     let rim = (height.min(width) / 18).max(1);
     // Positions in units of half the width keep the equations well scaled.
@@ -156,7 +163,7 @@ fn refine(from: &Array2<f32>, to: &Array2<f32>, affine: &mut [f64; 6]) {
                         let (x, y) = (s as f64, t as f64);
                         let (px, py) =
                             (affine[0] * x + affine[1] * y + affine[2], affine[3] * x + affine[4] * y + affine[5]);
-                        let Some([value, dx, dy]) = at(from, px, py) else { continue };
+                        let Some([value, dx, dy]) = bilinear_with_slopes(from, px, py) else { continue };
                         let error = f64::from(to[[t, s]]) - (g * value + o);
                         let (ux, uy) = (x / unit - 1.0, y / unit - 1.0);
                         let (gx, gy) = (g * dx, g * dy);
@@ -182,7 +189,7 @@ fn refine(from: &Array2<f32>, to: &Array2<f32>, affine: &mut [f64; 6]) {
                 *a += b;
             }
         }
-        let Some(d) = solve(&sums) else { return };
+        let Some(d) = solve_damped(&sums) else { return };
         g += d[6];
         o += d[7];
         for (row, d) in [(0, &d[0..3]), (3, &d[3..6])] {
@@ -198,7 +205,7 @@ fn refine(from: &Array2<f32>, to: &Array2<f32>, affine: &mut [f64; 6]) {
 }
 
 /// Solves the 8×8 normal equations (upper triangle row by row, then the right side), slightly damped.
-fn solve(sums: &[f64; 44]) -> Option<[f64; 8]> {
+fn solve_damped(sums: &[f64; 44]) -> Option<[f64; 8]> {
     let mut m = [[0.0; 9]; 8];
     let mut k = 0;
     for a in 0..8 {
@@ -254,7 +261,7 @@ mod tests {
                 ((true_affine[4] * x - true_affine[1] * y) / det, (true_affine[0] * y - true_affine[3] * x) / det);
             0.8 * scene(sx, sy, c) + 0.05
         });
-        let found = register(result.view(), truth.view()).unwrap();
+        let found = Alignment::estimate(result.view(), truth.view()).unwrap();
         for (k, (a, b)) in found.affine.iter().zip(true_affine).enumerate() {
             let tolerance = if k % 3 == 2 { 0.05 } else { 5e-4 };
             assert!((a - b).abs() < tolerance, "{found:?}");
@@ -262,20 +269,20 @@ mod tests {
         for [gain, offset] in &found.gain {
             assert!((gain - 1.25).abs() < 0.01 && (offset + 0.0625).abs() < 0.01, "{found:?}");
         }
-        let back = aligned(result.view(), &found, (200, 240));
+        let back = found.apply(result.view(), (200, 240));
         let cut = ndarray::s![12..188, 12..228, ..];
-        let score = psnr(back.slice(cut).into_dyn(), truth.slice(cut).into_dyn()).unwrap();
+        let score = psnr(back.slice(cut), truth.slice(cut)).unwrap();
         assert!(score > 45.0, "{score}");
     }
 
     #[test]
     fn equal_pictures_stay_where_they_are() {
         let truth = Array3::from_shape_fn((120, 100, 1), |(t, s, c)| scene(s as f64, t as f64, c));
-        let found = register(truth.view(), truth.view()).unwrap();
+        let found = Alignment::estimate(truth.view(), truth.view()).unwrap();
         for (a, b) in found.affine.iter().zip([1.0, 0.0, 0.0, 0.0, 1.0, 0.0]) {
             assert!((a - b).abs() < 1e-6, "{found:?}");
         }
-        assert!(register(truth.view(), Array3::zeros((10, 10, 1)).view()).is_err());
-        assert!(register(truth.view(), Array3::zeros((100, 100, 3)).view()).is_err());
+        assert!(Alignment::estimate(truth.view(), Array3::zeros((10, 10, 1)).view()).is_err());
+        assert!(Alignment::estimate(truth.view(), Array3::zeros((100, 100, 3)).view()).is_err());
     }
 }

@@ -2,7 +2,8 @@
 
 use ndarray::{Array3, ArrayView2, ArrayView3};
 
-use super::{Error, psnr};
+use super::error::Error;
+use super::psnr::psnr;
 use crate::sampling::bicubic;
 
 /// PSNR of `other`, moved onto `centre` by `disparity` (t, s; pixels a view step), against `centre`; `steps` (u, v): how many
@@ -10,7 +11,7 @@ use crate::sampling::bicubic;
 ///
 /// # Errors
 /// As [`psnr`]; also when the border leaves nothing.
-pub fn consistency(
+pub fn view_consistency(
     centre: ArrayView3<f32>,
     other: ArrayView3<f32>,
     disparity: ArrayView2<f32>,
@@ -37,7 +38,7 @@ pub fn consistency(
         }
     }
     let inner = centre.slice(ndarray::s![border..height - border, border..width - border, ..]);
-    psnr(moved.view().into_dyn(), inner.into_dyn())
+    psnr(moved.view(), inner)
 }
 
 #[cfg(test)]
@@ -55,8 +56,8 @@ mod tests {
         };
         let (centre, other) = (view(0.0, 0.0), view(3.0, -2.0));
         let right = Array2::from_elem((60, 70), 0.6);
-        let score = |d: &Array2<f32>| consistency(centre.view(), other.view(), d.view(), (3.0, -2.0), 6).unwrap();
+        let score = |d: &Array2<f32>| view_consistency(centre.view(), other.view(), d.view(), (3.0, -2.0), 6).unwrap();
         assert!(score(&right) > 60.0 && score(&Array2::zeros((60, 70))) < 30.0);
-        assert!(consistency(centre.view(), other.view(), right.view(), (1.0, 0.0), 30).is_err());
+        assert!(view_consistency(centre.view(), other.view(), right.view(), (1.0, 0.0), 30).is_err());
     }
 }

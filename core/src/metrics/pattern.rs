@@ -14,7 +14,7 @@ pub struct Pattern {
 
 /// Splits `result` along `reference`, both (t, s), means removed. None for a reference without contrast, shapes that differ, or
 /// values that are not finite.
-pub fn pattern(result: ArrayView2<f32>, reference: ArrayView2<f32>) -> Option<Pattern> {
+pub fn pattern_contrast(result: ArrayView2<f32>, reference: ArrayView2<f32>) -> Option<Pattern> {
     if result.dim() != reference.dim() || result.is_empty() {
         return None;
     }
@@ -47,9 +47,9 @@ mod tests {
         // A pattern of another direction with half the truth's strength is all spurious.
         let other = Array2::from_shape_fn((30, 30), |(t, _)| 0.2 * (t as f32 * 2.0 * std::f32::consts::PI / 5.0).sin());
         let result = truth.mapv(|x| 0.3 + 0.7 * x) + other;
-        let got = pattern(result.view(), truth.view()).unwrap();
+        let got = pattern_contrast(result.view(), truth.view()).unwrap();
         assert!((got.contrast - 0.7).abs() < 1e-4 && (got.spurious - 0.5).abs() < 1e-4, "{got:?}");
-        assert_eq!(pattern(truth.view(), Array2::from_elem((30, 30), 0.5).view()), None);
-        assert_eq!(pattern(truth.view(), truth.slice(ndarray::s![1.., ..])), None);
+        assert_eq!(pattern_contrast(truth.view(), Array2::from_elem((30, 30), 0.5).view()), None);
+        assert_eq!(pattern_contrast(truth.view(), truth.slice(ndarray::s![1.., ..])), None);
     }
 }

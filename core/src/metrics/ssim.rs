@@ -2,12 +2,12 @@
 //! `(2 μx μy + C1)(2 σxy + C2) / ((μx² + μy² + C1)(σx² + σy² + C2))` over all windows that lie inside the picture,
 //! `C1 = 0.01²`, `C2 = 0.03²` for values 0..1.
 //!
-//! The same as scikit-image's `structural_similarity(x, y, data_range=1, …)`; [`Window`] names its settings.
+//! The same as scikit-image's `structural_similarity(x, y, data_range=1, …)`; [`SsimWindow`] names its settings.
 
 use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
 
-use super::{Error, finite};
+use super::error::Error;
 
 const C1: f64 = 0.01 * 0.01;
 const C2: f64 = 0.03 * 0.03;
@@ -16,7 +16,7 @@ const BAND: usize = 32;
 
 /// The window whose statistics are compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Window {
+pub enum SsimWindow {
     /// Gaussian, σ 1.5, 11x11, population covariance: the original paper's, and scikit-image's
     /// `gaussian_weights=True, sigma=1.5, use_sample_covariance=False`.
     #[default]
@@ -25,18 +25,22 @@ pub enum Window {
     Uniform,
 }
 
-impl Window {
+impl SsimWindow {
     /// Weights along one axis, and the factor that makes a covariance of the window's mean products.
     fn weights(self) -> (Vec<f64>, f64) {
         match self {
-            Window::Gaussian => {
+            SsimWindow::Gaussian => {
                 let weights: Vec<f64> = (-5..=5).map(|i| (-0.5 * f64::from(i * i) / 2.25).exp()).collect();
                 let sum: f64 = weights.iter().sum();
                 (weights.iter().map(|w| w / sum).collect(), 1.0)
             }
-            Window::Uniform => (vec![1.0 / 7.0; 7], 49.0 / 48.0),
+            SsimWindow::Uniform => (vec![1.0 / 7.0; 7], 49.0 / 48.0),
         }
     }
+}
+
+fn finite(picture: &ArrayView2<f32>) -> bool {
+    picture.iter().all(|x| x.is_finite())
 }
 
 fn check(result: &ArrayView2<f32>, reference: &ArrayView2<f32>, side: usize) -> Result<(), Error> {
@@ -61,7 +65,7 @@ fn similarity([x, y, xx, yy, xy]: [f64; 5], norm: f64) -> f64 {
 ///
 /// # Errors
 /// When the shapes differ, a side is shorter than the window (11 or 7), or a value is not finite.
-pub fn ssim(result: ArrayView2<f32>, reference: ArrayView2<f32>, window: Window) -> Result<f64, Error> {
+pub fn ssim(result: ArrayView2<f32>, reference: ArrayView2<f32>, window: SsimWindow) -> Result<f64, Error> {
     let (weights, norm) = window.weights();
     let side = weights.len();
     check(&result, &reference, side)?;
@@ -145,7 +149,7 @@ fn band_sum(
 pub fn ssim_map_plain(
     result: ArrayView2<f32>,
     reference: ArrayView2<f32>,
-    window: Window,
+    window: SsimWindow,
 ) -> Result<Array2<f64>, Error> {
     let (weights, norm) = window.weights();
     let side = weights.len();
@@ -184,7 +188,7 @@ mod tests {
     fn fast_equals_plain() {
         for (height, width) in [(11, 11), (11, 40), (77, 23), (64, 13), (43, 43)] {
             let (x, y) = pair(height, width, height as u64);
-            for window in [Window::Gaussian, Window::Uniform] {
+            for window in [SsimWindow::Gaussian, SsimWindow::Uniform] {
                 let fast = ssim(x.view(), y.view(), window).unwrap();
                 let plain = ssim_map_plain(x.view(), y.view(), window).unwrap().mean().unwrap();
                 assert!((fast - plain).abs() < 1e-12, "{height}x{width} {window:?}: {fast} {plain}");
@@ -195,21 +199,21 @@ mod tests {
     #[test]
     fn one_for_equals_symmetric_and_the_same_on_any_pool() {
         let (x, y) = pair(150, 90, 1);
-        let one = ssim(x.view(), x.view(), Window::Gaussian).unwrap();
+        let one = ssim(x.view(), x.view(), SsimWindow::Gaussian).unwrap();
         assert!((one - 1.0).abs() < 1e-12);
-        let a = ssim(x.view(), y.view(), Window::Gaussian).unwrap();
-        assert_eq!(a, ssim(y.view(), x.view(), Window::Gaussian).unwrap());
+        let a = ssim(x.view(), y.view(), SsimWindow::Gaussian).unwrap();
+        assert_eq!(a, ssim(y.view(), x.view(), SsimWindow::Gaussian).unwrap());
         assert!(a < 0.99);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
-        assert_eq!(a, pool.install(|| ssim(x.view(), y.view(), Window::Gaussian)).unwrap());
+        assert_eq!(a, pool.install(|| ssim(x.view(), y.view(), SsimWindow::Gaussian)).unwrap());
     }
 
     #[test]
     fn bad_pictures_are_refused() {
         let (x, y) = pair(10, 30, 1);
-        assert!(matches!(ssim(x.view(), y.view(), Window::Gaussian), Err(Error::Small { least: 11, .. })));
-        assert!(matches!(ssim(x.view(), y.t(), Window::Uniform), Err(Error::Shape { .. })));
+        assert!(matches!(ssim(x.view(), y.view(), SsimWindow::Gaussian), Err(Error::Small { least: 11, .. })));
+        assert!(matches!(ssim(x.view(), y.t(), SsimWindow::Uniform), Err(Error::Shape { .. })));
         let bad = x.mapv(|_| f32::NAN);
-        assert_eq!(ssim(bad.view(), y.view(), Window::Uniform), Err(Error::NotFinite));
+        assert_eq!(ssim(bad.view(), y.view(), SsimWindow::Uniform), Err(Error::NotFinite));
     }
 }

@@ -1,6 +1,7 @@
 //! Crops of a photo with their low image: the hexagonal drop and its re-interpolation (paper section 4.4).
 
 use lenslet_core::dictionary::{Footprint, Interpolation};
+use lenslet_core::metrics::BORDER;
 use lenslet_core::sampling::{self, Weights, lattice_samples};
 use ndarray::{Array2, ArrayView2, Axis, s};
 use rand::rngs::ChaCha8Rng;
@@ -48,9 +49,6 @@ pub struct Crop {
     /// Other images of the same view, for networks that look at them beside the low one; none as a rule.
     pub beside: Vec<Array2<f32>>,
 }
-
-/// Border that interpolation beyond the outermost samples spoils, pixels; cut off crops.
-const BORDER: usize = 12;
 
 /// Standard normal deviate (Box and Muller's way, from the generator's 64-bit words, so portable).
 fn normal(rng: &mut ChaCha8Rng) -> f32 {
