@@ -3,7 +3,7 @@
 //! `cargo run --release --example centres -- IMAGE.png OUT.npy --times` splits a real one by stage.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use lenslet_core::calibration::{Options, Variant, calibrate, from_captures};
+use lenslet_core::calibration::{CalibrationOptions, CalibrationVariant, calibrate, calibrate_from_captures};
 use lenslet_core::container::{Capture, Cfa, Levels};
 use lenslet_core::progress::Silent;
 use lenslet_data_gen::simulate::{Camera, Lenslets, expose_white, record, white_pattern};
@@ -23,7 +23,7 @@ fn large(c: &mut Criterion) {
     let mut group = c.benchmark_group("calibrate 7728x5368");
     group.throughput(Throughput::Elements(7728 * 5368)).sample_size(10);
     for (name, without_vignetting) in [("full", true), ("full with vignetting", false)] {
-        let options = Options { without_vignetting, ..Options::default() };
+        let options = CalibrationOptions { without_vignetting, ..CalibrationOptions::default() };
         group.bench_function(name, |b| b.iter(|| calibrate(std::slice::from_ref(&white), &options, &Silent)));
     }
     group.finish();
@@ -33,16 +33,16 @@ fn calibration(c: &mut Criterion) {
     let Some(white) = white((1640, 1640), Camera::default().pitch) else { return };
     let mut group = c.benchmark_group("calibrate 1640x1640");
     group.throughput(Throughput::Elements(1640 * 1640)).sample_size(10);
-    for variant in [Variant::Full, Variant::Paper] {
-        let options = Options { variant, without_vignetting: true, ..Options::default() };
+    for variant in [CalibrationVariant::Full, CalibrationVariant::Paper] {
+        let options = CalibrationOptions { variant, without_vignetting: true, ..CalibrationOptions::default() };
         group.bench_function(variant.name(), |b| b.iter(|| calibrate(std::slice::from_ref(&white), &options, &Silent)));
     }
-    let options = Options::default();
+    let options = CalibrationOptions::default();
     group.bench_function("full with vignetting", |b| {
         b.iter(|| calibrate(std::slice::from_ref(&white), &options, &Silent))
     });
     group.bench_function("from 2 captures", |b| {
-        b.iter(|| from_captures(&[white.clone(), white.clone()], &options, &Silent))
+        b.iter(|| calibrate_from_captures(&[white.clone(), white.clone()], &options, &Silent))
     });
     group.finish();
 }

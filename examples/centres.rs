@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use std::time::Instant;
 
 use anyhow::Context as _;
-use lenslet_core::calibration::{self, Options};
+use lenslet_core::calibration::{self, CalibrationOptions};
 use lenslet_core::container;
 use lenslet_core::progress::Observer;
 use ndarray::Array2;
@@ -14,7 +14,7 @@ use ndarray::Array2;
 #[allow(clippy::print_stdout)]
 fn main() -> anyhow::Result<()> {
     let mut arguments: Vec<String> = std::env::args().skip(1).collect();
-    let mut options = Options { without_vignetting: true, ..Options::default() };
+    let mut options = CalibrationOptions { without_vignetting: true, ..CalibrationOptions::default() };
     if let Some(at) = arguments.iter().position(|a| a == "--variant") {
         let rest: Vec<String> = arguments.drain(at..).collect();
         options.variant = rest.get(1).map_or("", String::as_str).parse().map_err(anyhow::Error::msg)?;

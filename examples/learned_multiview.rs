@@ -79,7 +79,7 @@ fn scored(kind: Kind, a: &Arguments, reconstructor: &Reconstructor) -> anyhow::R
     let options = simulate::Options { seed: a.seed, noise: a.noise, whites: 2 };
     let simulation = simulate::render(&scene, &camera, &options, &Silent)?;
     let size = simulate::output_size(&camera, (a.sensor * 1080 + 1640) / 3280);
-    let calibration = calibration::calibrate(&simulation.whites, &calibration::Options::default(), &Silent)?;
+    let calibration = calibration::calibrate(&simulation.whites, &calibration::CalibrationOptions::default(), &Silent)?;
     let samples = decode::samples(&simulation.capture, &calibration, &decode::Options::default(), &Silent)?;
     let faithful = DataConsistent::new(reconstructor, &samples, Interpolation::Multiview, size, None)?;
 

@@ -25,7 +25,8 @@ fn views(kind: Kind, noise: f64) -> (Scene, HexSamples) {
     let options = Options { seed: 5, noise, ..Options::default() };
     let scene = Scene::named(kind, &camera, None, 5, &Silent).unwrap();
     let simulation = simulate::render(&scene, &camera, &options, &Silent).unwrap();
-    let found = calibration::calibrate(&simulation.whites, &calibration::Options::default(), &Silent).unwrap();
+    let found =
+        calibration::calibrate(&simulation.whites, &calibration::CalibrationOptions::default(), &Silent).unwrap();
     let samples = decode::samples(&simulation.capture, &found, &decode::Options::default(), &Silent).unwrap();
     (scene, samples)
 }

@@ -25,7 +25,8 @@ fn taken(kind: Kind, side: usize, noise: f64) -> (Camera, Scene, Simulation, Cal
     let options = Options { seed: 3, noise, ..Options::default() };
     let scene = Scene::named(kind, &camera, None, 3, &Silent).unwrap();
     let simulation = simulate::render(&scene, &camera, &options, &Silent).unwrap();
-    let found = calibration::calibrate(&simulation.whites, &calibration::Options::default(), &Silent).unwrap();
+    let found =
+        calibration::calibrate(&simulation.whites, &calibration::CalibrationOptions::default(), &Silent).unwrap();
     (camera, scene, simulation, found)
 }
 

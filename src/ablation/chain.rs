@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
-use lenslet_core::calibration::Variant;
+use lenslet_core::calibration::CalibrationVariant;
 use lenslet_core::container;
 use lenslet_core::decode::{self, Step};
 use lenslet_core::dictionary::{Dictionary, Interpolation};
@@ -54,7 +54,7 @@ pub(super) fn simulated(
     let mut scored = Scored::default();
     let dictionary = dictionary(chain, run.seed, settings, worlds, &mut scored, observer)?;
     let world = worlds.get(kind, run.seed, chain.noise, observer)?;
-    let variant: Variant = chain.calibration.parse().map_err(anyhow::Error::msg)?;
+    let variant: CalibrationVariant = chain.calibration.parse().map_err(anyhow::Error::msg)?;
     let calibration = world.calibration(variant, observer)?.clone();
     let target = Target { width: world.size.0, height: world.size.1 };
 
@@ -102,7 +102,7 @@ pub(super) fn captured(
     let chain = &run.chain;
     let Stock { real, kept, .. } = stock;
     let mut scored = Scored::default();
-    let variant: Variant = chain.calibration.parse().map_err(anyhow::Error::msg)?;
+    let variant: CalibrationVariant = chain.calibration.parse().map_err(anyhow::Error::msg)?;
     let (capture, calibration) = real.get(path, &settings.whites, variant, observer)?;
     let target = Target::longer((capture.mosaic.width, capture.mosaic.height), SIDE);
     let middle = chain.views / 2;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use anyhow::{Result, bail};
-use lenslet_core::calibration::Variant;
+use lenslet_core::calibration::CalibrationVariant;
 use lenslet_core::decode::{Demosaic, Step, default_steps};
 use lenslet_data_gen::simulate::Kind;
 use serde::Serialize;
@@ -169,7 +169,7 @@ pub struct Chain {
 impl Default for Chain {
     fn default() -> Self {
         Chain {
-            calibration: Variant::Full.name().to_owned(),
+            calibration: CalibrationVariant::Full.name().to_owned(),
             vignetting: true,
             demosaic: "lenslet".to_owned(),
             views: 7,
@@ -325,17 +325,17 @@ fn scenes(experiment: Experiment, quick: bool) -> Vec<Kind> {
 fn variants(experiment: Experiment, quick: bool) -> Vec<(String, Chain)> {
     let base = Chain::default;
     let named = |name: &str, chain: Chain| (name.to_owned(), chain);
-    let centres = |v: Variant| Chain { calibration: v.name().to_owned(), ..base() };
+    let centres = |v: CalibrationVariant| Chain { calibration: v.name().to_owned(), ..base() };
     match experiment {
         Experiment::Calibration => vec![
-            named("none", centres(Variant::None)),
-            named("rotation only", centres(Variant::RotationOnly)),
-            named("full", centres(Variant::Full)),
+            named("none", centres(CalibrationVariant::None)),
+            named("rotation only", centres(CalibrationVariant::RotationOnly)),
+            named("full", centres(CalibrationVariant::Full)),
         ],
         Experiment::Subpixel => vec![
-            named("whole pixels", centres(Variant::Integer)),
-            named("paraboloids", centres(Variant::Paper)),
-            named("lattice and residual", centres(Variant::Full)),
+            named("whole pixels", centres(CalibrationVariant::Integer)),
+            named("paraboloids", centres(CalibrationVariant::Paper)),
+            named("lattice and residual", centres(CalibrationVariant::Full)),
         ],
         Experiment::Resampling => Way::ALL.into_iter().map(|way| named(way.name(), Chain { way, ..base() })).collect(),
         Experiment::Dictionary => dictionary(quick),

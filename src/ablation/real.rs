@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use lenslet_core::calibration::{self, Calibration, Variant};
+use lenslet_core::calibration::{self, Calibration, CalibrationVariant};
 use lenslet_core::container::{self, Capture};
 use lenslet_core::progress::Observer;
 
@@ -22,14 +22,14 @@ impl Real {
         &mut self,
         capture: &Path,
         whites: &[PathBuf],
-        variant: Variant,
+        variant: CalibrationVariant,
         observer: &dyn Observer,
     ) -> Result<(&Capture, &Calibration)> {
         if self.whites.len() != whites.len() {
             self.whites = whites.iter().map(|w| open(w)).collect::<Result<_>>()?;
         }
         if !self.calibrations.contains_key(variant.name()) {
-            let options = calibration::Options { variant, ..calibration::Options::default() };
+            let options = calibration::CalibrationOptions { variant, ..calibration::CalibrationOptions::default() };
             self.calibrations.insert(variant.name(), calibration::calibrate(&self.whites, &options, observer)?);
         }
         let found = match self.capture.take().filter(|(path, _)| path == capture) {

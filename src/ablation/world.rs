@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use anyhow::Result;
-use lenslet_core::calibration::{self, Calibration, Variant};
+use lenslet_core::calibration::{self, Calibration, CalibrationVariant};
 use lenslet_core::lightfield::{ColourSpace, colour};
 use lenslet_core::progress::Observer;
 use lenslet_data_gen::simulate::{self, Camera, Kind, Options, Scene, Simulation};
@@ -90,9 +90,9 @@ impl World {
     }
 
     /// The calibration of a variant, from the world's own white images.
-    pub(super) fn calibration(&mut self, variant: Variant, observer: &dyn Observer) -> Result<&Calibration> {
+    pub(super) fn calibration(&mut self, variant: CalibrationVariant, observer: &dyn Observer) -> Result<&Calibration> {
         if !self.calibrations.contains_key(variant.name()) {
-            let options = calibration::Options { variant, ..calibration::Options::default() };
+            let options = calibration::CalibrationOptions { variant, ..calibration::CalibrationOptions::default() };
             let found = calibration::calibrate(&self.simulation.whites, &options, observer)?;
             self.calibrations.insert(variant.name(), found);
         }

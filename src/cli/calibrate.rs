@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use lenslet_core::calibration::figures::{self, Picture};
-use lenslet_core::calibration::{self, Calibration, Options, Variant, paper};
+use lenslet_core::calibration::{self, Calibration, CalibrationOptions, CalibrationVariant, paper};
 use lenslet_core::container::whites::{self, Candidate, State};
 use lenslet_core::container::{self, Capture};
 use lenslet_core::output;
@@ -49,7 +49,7 @@ pub struct Args {
     profile: Option<String>,
     /// Which centres to give, for comparison: full, paper, integer, rotation-only or none
     #[arg(long, value_name = "NAME", default_value_t)]
-    variant: Variant,
+    variant: CalibrationVariant,
     /// Also draw centres and triangulation over the white image: OUT.png whole, OUT-close.png enlarged, OUT-residuals.png how far
     /// the lenslets lie from the regular lattice
     #[arg(long, value_name = "OUT.png")]
@@ -70,16 +70,16 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let whites = args.from_captures.is_empty();
     let given = if whites { &args.whites } else { &args.from_captures };
     let (paths, captures) = open(given, args.profile.as_deref(), context)?;
-    let options = Options {
+    let options = CalibrationOptions {
         variant: args.variant,
         hot_pixels: hot_pixels_of_files(args, &captures[0], context)?,
         names: paths.iter().map(|p| p.display().to_string()).collect(),
-        ..Options::default()
+        ..CalibrationOptions::default()
     };
     let found = if whites {
         calibration::calibrate(&captures, &options, &context.progress)
     } else {
-        calibration::from_captures(&captures, &options, &context.progress)
+        calibration::calibrate_from_captures(&captures, &options, &context.progress)
     };
     let found = found.map_err(|e| failed(e, &paths))?;
     calibration::save(&args.out, &found, args.force)?;
@@ -94,9 +94,9 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     }
     if let Some(folder) = &args.dump {
         // What is left out was noted above.
-        let kept = calibration::usable(&captures, &options, &Silent).map_err(|e| failed(e, &paths))?;
+        let kept = calibration::screen_captures(&captures, &options, &Silent).map_err(|e| failed(e, &paths))?;
         let kept: Vec<&Capture> = kept.into_iter().map(|k| k.1).collect();
-        let stages = paper::stages(&kept, &context.progress).map_err(|e| failed(e, &paths))?;
+        let stages = paper::run_algorithm1(&kept, &context.progress).map_err(|e| failed(e, &paths))?;
         let pending = output::Pending::directory(folder, args.force)?;
         for (name, picture) in figures::steps(&stages, kept[0].cfa) {
             write_picture(&pending.path().join(name), false, picture)?;
@@ -170,7 +170,7 @@ fn bundle(args: &Args, place: &Path, context: &Context) -> anyhow::Result<Outcom
             }
         };
         let names = labels.iter().map(|l| l.display().to_string()).collect();
-        let options = Options { variant: args.variant, hot_pixels, names, ..Options::default() };
+        let options = CalibrationOptions { variant: args.variant, hot_pixels, names, ..CalibrationOptions::default() };
         match calibration::calibrate(&captures, &options, &context.progress) {
             Ok(calibration) => {
                 calibration::save(&pending.path().join(&name), &calibration, false)?;
@@ -275,7 +275,7 @@ fn hot_pixels_of_files(args: &Args, white: &Capture, context: &Context) -> anyho
             white.camera.serial.as_deref().unwrap_or("unknown")
         );
     }
-    let hot = calibration::hot_pixels(&blacks).map_err(|e| failed(e, &paths))?;
+    let hot = calibration::find_hot_pixels(&blacks).map_err(|e| failed(e, &paths))?;
     context.progress.note(&format!("{} hot pixels in {} black images", hot.len(), blacks.len()));
     Ok(hot)
 }
@@ -295,7 +295,7 @@ pub fn hot_pixels(candidates: &[&Candidate], white: &Capture, context: &Context)
         }
         context.progress.check()?;
     }
-    match calibration::hot_pixels(&blacks) {
+    match calibration::find_hot_pixels(&blacks) {
         Ok(hot) => {
             if !blacks.is_empty() {
                 context.progress.note(&format!("{} hot pixels in {} black images", hot.len(), blacks.len()));

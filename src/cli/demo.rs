@@ -126,7 +126,7 @@ fn calibrate(
     observer: &dyn Observer,
 ) -> anyhow::Result<Calibrated> {
     let began = Instant::now();
-    let found = calibration::calibrate(&simulation.whites, &calibration::Options::default(), observer)?;
+    let found = calibration::calibrate(&simulation.whites, &calibration::CalibrationOptions::default(), observer)?;
     let lenslets = Lenslets::new(camera, seed).map_err(super::simulate::sorted)?;
     let squares: f64 = found.lenslets.iter().map(|l| lenslets.nearest(l.x, l.y).1).sum();
     let rms = (squares / found.lenslets.len().max(1) as f64).sqrt();

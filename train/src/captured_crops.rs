@@ -138,7 +138,7 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
         simulate::Options { seed: rng.random::<u32>().into(), noise: NOISE * rng.random::<f64>().powi(2), whites: 2 };
     let scene = draw(&camera, disparity, options.seed)?;
     let simulation = simulate::render(&scene, &camera, &options, &Silent)?;
-    let calibration = calibration::calibrate(&simulation.whites, &calibration::Options::default(), &Silent)?;
+    let calibration = calibration::calibrate(&simulation.whites, &calibration::CalibrationOptions::default(), &Silent)?;
     let samples = decode::samples(&simulation.capture, &calibration, &decode::Options::default(), &Silent)?;
 
     let mut views = vec![(VIEWS / 2, VIEWS / 2)];

@@ -5,11 +5,11 @@ use std::borrow::Borrow;
 
 use rayon::prelude::*;
 
-use super::{Error, Plane};
+use super::checks;
+use super::error::Error;
+use super::sensor_image::SensorImage;
 use crate::container::Capture;
 
-/// Smallest side of an image worth looking at, pixels.
-const SMALLEST: usize = 64;
 /// Share of saturated pixels above which nothing is left to measure.
 const MOST_SATURATED: f64 = 0.5;
 /// Mean light, as a share of full scale, under which a capture is called black.
@@ -21,8 +21,11 @@ const LEAST_LIGHT: f64 = 0.004;
 ///
 /// # Errors
 /// No captures, sizes or cameras that differ, images too small, black or saturated ones.
-pub fn average<C: Borrow<Capture>>(captures: &[C], encode: impl Fn(f32) -> f32 + Sync) -> Result<Plane, Error> {
-    check(captures)?;
+pub fn average_captures<C: Borrow<Capture>>(
+    captures: &[C],
+    encode: impl Fn(f32) -> f32 + Sync,
+) -> Result<SensorImage, Error> {
+    checks::check_same_camera(captures)?;
     let first = &captures[0].borrow().mosaic;
     let (width, height) = (first.width, first.height);
     let mut data = vec![0f32; width * height];
@@ -71,7 +74,7 @@ pub fn average<C: Borrow<Capture>>(captures: &[C], encode: impl Fn(f32) -> f32 +
     if mean < f64::from(encode(LEAST_LIGHT as f32)) {
         return Err(Error::Black { percent: 100.0 * mean });
     }
-    Ok(Plane { width, height, data, limit: [full; 4] })
+    Ok(SensorImage { width, height, data, limit: [full; 4] })
 }
 
 /// Light of each digital number at one place of the 2×2 tile; infinite from the white level on.
@@ -93,58 +96,4 @@ fn tables(capture: &Capture, encode: &impl Fn(f32) -> f32) -> [Table; 4] {
             .collect();
         Table { values }
     })
-}
-
-/// Whether captures can be calibrated together: of one camera and size, large enough, with levels that make sense.
-///
-/// # Errors
-/// The first capture that cannot.
-pub fn check<C: Borrow<Capture>>(captures: &[C]) -> Result<(), Error> {
-    let first = captures.first().ok_or(Error::NoImages)?.borrow();
-    for (n, capture) in captures.iter().enumerate() {
-        let capture = capture.borrow();
-        sound(capture, n + 1)?;
-        together(first, capture, n + 1)?;
-    }
-    Ok(())
-}
-
-/// Refuses a capture too small, or whose numbers contradict each other; `index` counts from 1.
-///
-/// # Errors
-/// [`Error::BadImage`].
-pub fn sound(capture: &Capture, index: usize) -> Result<(), Error> {
-    let (width, height) = (capture.mosaic.width, capture.mosaic.height);
-    let bad = |reason| Error::BadImage { index, width, height, reason };
-    if width < SMALLEST || height < SMALLEST {
-        return Err(bad("it is smaller than 64 pixels"));
-    }
-    if capture.mosaic.data.len() != width.saturating_mul(height) || u32::try_from(capture.mosaic.data.len()).is_err() {
-        return Err(bad("its pixels do not fit its size"));
-    }
-    for p in 0..4 {
-        let (black, white) = (capture.levels.black[p], capture.levels.white[p]);
-        if !(black.is_finite() && white.is_finite() && white > black) {
-            return Err(bad("its white level is not above its black level"));
-        }
-    }
-    Ok(())
-}
-
-/// Refuses a capture (`index`, from 1) of another size or body than `first`.
-///
-/// # Errors
-/// [`Error::SizesDiffer`], [`Error::CamerasDiffer`].
-pub fn together(first: &Capture, capture: &Capture, index: usize) -> Result<(), Error> {
-    let (width, height) = (first.mosaic.width, first.mosaic.height);
-    let (got_width, got_height) = (capture.mosaic.width, capture.mosaic.height);
-    if (got_width, got_height) != (width, height) {
-        return Err(Error::SizesDiffer { index, got_width, got_height, width, height });
-    }
-    match (&first.camera.serial, &capture.camera.serial) {
-        (Some(expected), Some(got)) if expected != got => {
-            Err(Error::CamerasDiffer { index, got: got.clone(), expected: expected.clone() })
-        }
-        _ => Ok(()),
-    }
 }

@@ -1,7 +1,8 @@
 //! Pictures of a calibration: the paper's figures 4 to 6, and a map of the residuals.
 
-use super::paper::Stages;
-use super::{Calibration, Plane, triangulation};
+use super::model::{Calibration, Lenslet};
+use super::paper::{Algorithm1Stages, triangulation};
+use super::sensor_image::SensorImage;
 use crate::container::Cfa;
 
 /// A picture, 8 bit RGB.
@@ -107,7 +108,7 @@ fn background(calibration: &Calibration) -> impl Fn(usize, usize) -> [u8; 3] + '
 pub fn centres(calibration: &Calibration) -> [Picture; 2] {
     let (w, h) = (calibration.width, calibration.height);
     let points: Vec<[f64; 2]> = calibration.lenslets.iter().map(|l| [l.x, l.y]).collect();
-    let edges = triangulation::edges(&points);
+    let edges = triangulation::delaunay_edges(&points);
     let mut whole = Picture::paint(w, h, background(calibration));
     whole.overlay(&points, &edges, [0, 0], 1, 0.7);
     let mut close = enlarged(w, h, background(calibration));
@@ -117,7 +118,7 @@ pub fn centres(calibration: &Calibration) -> [Picture; 2] {
 
 /// Distance from the regular lattice that one lenslet in a hundred exceeds, pixels (at least 0.001): what to show as full brightness.
 pub fn far(calibration: &Calibration) -> f64 {
-    let off = |l: &super::Lenslet| {
+    let off = |l: &Lenslet| {
         let c = calibration.lattice.centre(l.i, l.j);
         (l.x - c[0]).hypot(l.y - c[1])
     };
@@ -151,9 +152,9 @@ fn hue(angle: f64) -> [f64; 3] {
 }
 
 /// The paper's figures 4, 5 and 6 as its own steps give them, by file name.
-pub fn steps(stages: &Stages, cfa: Cfa) -> Vec<(&'static str, Picture)> {
+pub fn steps(stages: &Algorithm1Stages, cfa: Cfa) -> Vec<(&'static str, Picture)> {
     let (w, h) = (stages.average.width, stages.average.height);
-    let show = |plane: &Plane| {
+    let show = |plane: &SensorImage| {
         let top = bright(plane);
         enlarged(w, h, |x, y| grey(plane.at(x, y) / top))
     };
@@ -196,7 +197,7 @@ pub fn steps(stages: &Stages, cfa: Cfa) -> Vec<(&'static str, Picture)> {
 }
 
 /// Near the brightest value of the middle of a plane.
-fn bright(plane: &Plane) -> f32 {
+fn bright(plane: &SensorImage) -> f32 {
     let (from, size) = part(plane.width, plane.height);
     let mut all: Vec<f32> =
         (from[1]..from[1] + size[1]).flat_map(|y| plane.row(y)[from[0]..from[0] + size[0]].iter().copied()).collect();
@@ -207,13 +208,13 @@ fn bright(plane: &Plane) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibration::{Options, calibrate, paper, planted::Plant};
+    use crate::calibration::{CalibrationOptions, calibrate, paper, tests::planted::Plant};
     use crate::progress::Silent;
 
     #[test]
     fn centres_are_drawn_where_they_are() {
         let (white, _) = Plant { width: 240, height: 200, ..Plant::default() }.grow();
-        let found = calibrate(std::slice::from_ref(&white), &Options::default(), &Silent).unwrap();
+        let found = calibrate(std::slice::from_ref(&white), &CalibrationOptions::default(), &Silent).unwrap();
         let [whole, close] = centres(&found);
         assert_eq!((whole.width, whole.height, close.width, close.height), (240, 200, PART * ZOOM, PART * ZOOM));
         let (from, _) = part(240, 200);
@@ -230,7 +231,7 @@ mod tests {
             }
         }
         assert!(seen > 200);
-        let figures = steps(&paper::stages(&[white], &Silent).unwrap(), Cfa::Bggr);
+        let figures = steps(&paper::run_algorithm1(&[white], &Silent).unwrap(), Cfa::Bggr);
         assert_eq!(figures.len(), 10);
         assert!(figures.iter().all(|(_, p)| p.rgb.len() == 3 * p.width * p.height && p.rgb.iter().any(|&v| v > 200)));
         // In a picture of residuals only lenslets off the lattice shine.

@@ -97,7 +97,7 @@ pub struct Vignetting {
 
 /// How good the calibration is.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Quality {
+pub struct CalibrationQuality {
     /// RMS distance of measured centres from the lattice, pixels.
     pub residual_rms: f64,
     /// Scatter of the lenslets themselves about the lattice, an axis, pixels (measurement noise taken off).
@@ -112,9 +112,17 @@ pub struct Quality {
     pub confidence: f64,
 }
 
+impl CalibrationQuality {
+    /// 0 to 1: a pattern that agrees with itself over the sensor, stands out of the spectrum, and whose lenslets could be measured.
+    pub(super) fn confidence_of(coherence: f64, prominence: f64, accepted: f64) -> f64 {
+        let peak = 1.0 - 1.0 / prominence.max(1.0).sqrt();
+        (coherence * peak * accepted).clamp(0.0, 1.0)
+    }
+}
+
 /// Where a calibration came from.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Origin {
+pub struct CalibrationOrigin {
     /// How it was made: `white`, `captures`, and the variant.
     pub method: String,
     /// Camera model, if known.
@@ -140,12 +148,12 @@ pub struct Calibration {
     pub lattice: Lattice,
     /// Every lenslet with its centre on the sensor, sorted by (j, i).
     pub lenslets: Vec<Lenslet>,
-    /// Quality figures.
-    pub quality: Quality,
+    /// CalibrationQuality figures.
+    pub quality: CalibrationQuality,
     /// White image for vignetting, if known.
     pub vignetting: Option<Vignetting>,
     /// Pixels that are bright without light, as black images showed them: `y·width + x`, ascending.
     pub hot_pixels: Vec<u32>,
     /// Provenance.
-    pub origin: Origin,
+    pub origin: CalibrationOrigin,
 }

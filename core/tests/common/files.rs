@@ -5,7 +5,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use lenslet_core::calibration::{Calibration, Grid, Lattice, Lenslet, Origin, Quality, Vignetting};
+use lenslet_core::calibration::{
+    Calibration, CalibrationOrigin, CalibrationQuality, Grid, Lattice, Lenslet, Vignetting,
+};
 use lenslet_core::container::segments::Container;
 use lenslet_core::container::{CameraFacts, Capture, Cfa, ColourFacts, Levels, MlaHint, RawMosaic, write_lfp};
 use lenslet_core::decode::HexSamples;
@@ -157,10 +159,15 @@ pub fn calibration_of(width: usize, height: usize) -> Calibration {
         height,
         lattice: Lattice { grid: Grid::HexRows, origin, a: [10.0, 0.03], b: [5.0, 8.66] },
         lenslets,
-        quality: Quality { residual_rms: 0.01, rejected: 0.0, confidence: 0.9, ..Quality::default() },
+        quality: CalibrationQuality {
+            residual_rms: 0.01,
+            rejected: 0.0,
+            confidence: 0.9,
+            ..CalibrationQuality::default()
+        },
         vignetting: Some(Vignetting { width, height, white: (0..width * height).map(|i| i as u16 * 10).collect() }),
         hot_pixels: Vec::new(),
-        origin: Origin { method: "white".into(), ..Origin::default() },
+        origin: CalibrationOrigin { method: "white".into(), ..CalibrationOrigin::default() },
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use lenslet_core::calibration::{self, Calibration, Options};
+use lenslet_core::calibration::{self, Calibration, CalibrationOptions};
 use lenslet_core::container::{CameraFacts, Capture, members, whites};
 use lenslet_core::progress::Observer;
 
@@ -12,7 +12,7 @@ use crate::cli::{Context, Usage};
 struct Candidate {
     path: PathBuf,
     size: (usize, usize),
-    origin: calibration::Origin,
+    origin: calibration::CalibrationOrigin,
 }
 
 /// Calibrations to choose from; the last one used stays loaded.
@@ -82,7 +82,11 @@ impl Shelf {
                     Usage("--calibration is needed: the capture carries no white image of its own".into()).into()
                 );
             };
-            let own = calibration::calibrate(std::slice::from_ref(&**white), &Options::default(), &context.progress)?;
+            let own = calibration::calibrate(
+                std::slice::from_ref(&**white),
+                &CalibrationOptions::default(),
+                &context.progress,
+            )?;
             let own = &self.last.insert((PathBuf::new(), own)).1;
             return Ok((own, "made from the white image inside the capture".into()));
         }
@@ -114,10 +118,10 @@ impl Shelf {
         }
         match &self.last {
             Some((_, found)) => {
-                calibration::fits(found, capture)
+                calibration::check_compatible(found, capture)
                     .map_err(|e| anyhow::Error::new(e).context(path.display().to_string()))?;
                 if only {
-                    for line in calibration::differences(found, capture) {
+                    for line in calibration::lens_setting_differences(found, capture) {
                         context.progress.note(&format!("{}: {line}", path.display()));
                     }
                 }
@@ -144,7 +148,7 @@ impl Shelf {
             let blacks: Vec<&whites::Candidate> =
                 choice.passed.iter().map(|(c, _)| c).filter(|c| c.state == whites::State::Black).collect();
             let hot_pixels = crate::cli::calibrate::hot_pixels(&blacks, &white, context)?;
-            let options = Options { hot_pixels, names: vec![name.clone()], ..Options::default() };
+            let options = CalibrationOptions { hot_pixels, names: vec![name.clone()], ..CalibrationOptions::default() };
             let made = calibration::calibrate(std::slice::from_ref(&white), &options, &context.progress)?;
             self.last = Some((PathBuf::from(&name), made));
         }

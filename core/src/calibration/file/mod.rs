@@ -6,68 +6,31 @@
 //! 12  header length H, u32
 //! 16  H bytes of JSON: everything of [`Calibration`] that is small, the payload's size and sha256
 //! …   deflated payload: the lattice and quality figures as f64 (the header has them for the eye), then lenslets, hot pixels
-//!     and the white image as `second` lays them out; files of version 1 (`first`) are read too
+//!     and the white image as `v2` lays them out; files of version 1 (`v1`) are read too
 //! ```
 //! All numbers little-endian.
 
-mod first;
-mod second;
+mod header;
+mod v1;
+mod v2;
 mod white;
 
 use std::io::{Read, Write};
 use std::path::Path;
 
-use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::{Calibration, Error, Lattice, Lenslet, Origin, Quality, Vignetting};
+use self::header::{FIGURES, Header, check_lattice, figures, item_bytes, white_pixels};
+use super::error::Error;
+use super::model::{Calibration, CalibrationQuality, Lattice, Lenslet, Vignetting};
 
 const MAGIC: &[u8; 8] = b"LENSCAL\0";
 /// Newest format this program reads, and the one it writes.
 const VERSION: u32 = 2;
 /// No header is longer than this.
 const LONGEST_HEADER: usize = 1 << 20;
-/// No sensor side is longer than this, pixels.
-const LARGEST_SIDE: usize = 1 << 16;
-/// No sensor has more pixels.
-const MOST_PIXELS: usize = 1 << 29;
-
-#[derive(Debug, Serialize, Deserialize)]
-struct Header {
-    program: String,
-    width: usize,
-    height: usize,
-    lattice: Lattice,
-    lenslets: usize,
-    #[serde(default)]
-    hot_pixels: usize,
-    vignetting: Option<[usize; 2]>,
-    quality: Quality,
-    origin: Origin,
-    payload_bytes: usize,
-    payload_sha256: String,
-}
-
 /// Deflate's effort: more takes seconds and saves next to nothing.
 const LEVEL: u32 = 3;
-
-/// Figures kept to the last bit: origin, a, b; the five of the quality.
-const FIGURES: usize = 11;
-
-fn figures(lattice: &Lattice, quality: &Quality) -> [f64; FIGURES] {
-    let (o, a, b, q) = (lattice.origin, lattice.a, lattice.b, quality);
-    [o[0], o[1], a[0], a[1], b[0], b[1], q.residual_rms, q.scatter, q.noise, q.rejected, q.confidence]
-}
-
-/// Most of a sensor's pixels that may be hot, one in this many.
-pub(super) const FEWEST_COLD: usize = 100;
-
-/// What a payload holds besides the figures.
-struct Payload {
-    lenslets: Vec<Lenslet>,
-    hot_pixels: Vec<u32>,
-    white: Vec<u16>,
-}
 
 /// Writes a calibration; refuses an existing file without `force`. Centres are kept to 1/32768 px, the white image to 1/1024
 /// of its square root (a twentieth of one white image's own noise), what else there is to the last bit.
@@ -81,7 +44,7 @@ pub fn save(path: &Path, calibration: &Calibration, force: bool) -> Result<(), E
     }
     let mut payload = Vec::new();
     figures(&calibration.lattice, &calibration.quality).iter().for_each(|v| payload.extend(v.to_le_bytes()));
-    second::write(calibration, &mut payload);
+    v2::write(calibration, &mut payload);
     let header = Header {
         program: concat!("lenslet ", env!("CARGO_PKG_VERSION")).into(),
         width: calibration.width,
@@ -145,7 +108,7 @@ fn parse(mut file: impl Read, path: &str) -> Result<Calibration, Error> {
         return Err(bad("it ends within its header"));
     }
     let header: Header = serde_json::from_slice(&json).map_err(|e| bad(&format!("its header is damaged ({e})")))?;
-    let pixels = check(&header, word(8)).map_err(bad)?;
+    let pixels = check_header(&header, word(8)).map_err(bad)?;
     // Sizes agree with each other now, and a file that promises more than it holds ends early: reading stops at what was promised.
     let mut payload = Vec::new();
     flate2::read::DeflateDecoder::new(file)
@@ -160,13 +123,14 @@ fn parse(mut file: impl Read, path: &str) -> Result<Calibration, Error> {
     }
     let n = header.lenslets;
     let (exact, rest) = payload.split_at(8 * FIGURES);
-    let v: [f64; FIGURES] = std::array::from_fn(|k| f64::from_le_bytes(bytes(exact, k)));
+    let v: [f64; FIGURES] = std::array::from_fn(|k| f64::from_le_bytes(item_bytes(exact, k)));
     let lattice = Lattice { grid: header.lattice.grid, origin: [v[0], v[1]], a: [v[2], v[3]], b: [v[4], v[5]] };
-    sound(&lattice).map_err(bad)?;
-    let quality = Quality { residual_rms: v[6], scatter: v[7], noise: v[8], rejected: v[9], confidence: v[10] };
+    check_lattice(&lattice).map_err(bad)?;
+    let quality =
+        CalibrationQuality { residual_rms: v[6], scatter: v[7], noise: v[8], rejected: v[9], confidence: v[10] };
     let payload = match word(8) {
-        1 => first::read(rest, n, header.width, pixels),
-        _ => second::read(rest, &header, &lattice, pixels).map_err(bad)?,
+        1 => v1::read(rest, n, header.width, pixels),
+        _ => v2::read(rest, &header, &lattice, pixels).map_err(bad)?,
     };
     let (right, bottom) = (header.width as f64 - 1.0, header.height as f64 - 1.0);
     let inside =
@@ -188,44 +152,16 @@ fn parse(mut file: impl Read, path: &str) -> Result<Calibration, Error> {
 }
 
 /// Pixels of the white image, once the header's numbers are seen to be possible.
-fn check(header: &Header, version: u32) -> Result<usize, &'static str> {
-    let size = |w: usize, h: usize| {
-        ((1..=LARGEST_SIDE).contains(&w) && (1..=LARGEST_SIDE).contains(&h) && w * h <= MOST_PIXELS).then_some(w * h)
-    };
-    let sensor = size(header.width, header.height).ok_or("its sensor size is impossible")?;
-    if header.lenslets > sensor / 4 {
-        return Err("it has more lenslets than its sensor has room for");
-    }
-    let pixels = match header.vignetting {
-        Some([w, h]) if [w, h] == [header.width, header.height] => sensor,
-        Some(_) => return Err("its white image is not of its sensor's size"),
-        None => 0,
-    };
-    if header.hot_pixels > sensor / FEWEST_COLD {
-        return Err("it has more hot pixels than a sensor may have");
-    }
+fn check_header(header: &Header, version: u32) -> Result<usize, &'static str> {
+    let pixels = white_pixels(header)?;
     let rest = match version {
-        1 => first::bytes_of(header.lenslets, pixels),
-        _ => second::bytes_of(header.lenslets, header.hot_pixels, pixels),
+        1 => v1::bytes_of(header.lenslets, pixels),
+        _ => v2::bytes_of(header.lenslets, header.hot_pixels, pixels),
     };
     if header.payload_bytes != 8 * FIGURES + rest {
         return Err("its payload has not the size its header asks for");
     }
     Ok(pixels)
-}
-
-fn sound(l: &Lattice) -> Result<(), &'static str> {
-    let numbers = [l.origin, l.a, l.b];
-    let det = l.a[0] * l.b[1] - l.a[1] * l.b[0];
-    if !numbers.iter().flatten().all(|v| v.is_finite() && v.abs() < 1e6) || det.abs() <= 1.0 {
-        return Err("its lattice is impossible");
-    }
-    Ok(())
-}
-
-/// The `k`th N-byte item of a slice that has it.
-fn bytes<const N: usize>(from: &[u8], k: usize) -> [u8; N] {
-    std::array::from_fn(|b| from[k * N + b])
 }
 
 fn hex(digest: &[u8]) -> String {
@@ -235,12 +171,12 @@ fn hex(digest: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibration::{Grid, Options, calibrate, planted::Plant};
+    use crate::calibration::{CalibrationOptions, CalibrationOrigin, Grid, calibrate, tests::planted::Plant};
     use crate::progress::Silent;
 
     fn small() -> Calibration {
         let (white, _) = Plant { width: 128, height: 96, jitter: 0.1, grid: Grid::HexRows, ..Plant::default() }.grow();
-        calibrate(&[white], &Options::default(), &Silent).unwrap()
+        calibrate(&[white], &CalibrationOptions::default(), &Silent).unwrap()
     }
 
     fn bytes_of(calibration: &Calibration) -> Vec<u8> {
@@ -328,22 +264,22 @@ mod tests {
             lenslets,
             hot_pixels: 0,
             vignetting: None,
-            quality: Quality::default(),
-            origin: Origin::default(),
+            quality: CalibrationQuality::default(),
+            origin: CalibrationOrigin::default(),
             payload_bytes: payload,
             payload_sha256: String::new(),
         };
         for (version, bytes) in [(1, 368), (2, 266)] {
-            assert!(check(&header(100, 10, bytes), version).is_ok());
-            assert!(check(&header(100, 10, bytes + 1), version).is_err());
-            assert!(check(&header(100, usize::MAX / 8, bytes), version).is_err());
-            assert!(check(&header(usize::MAX, 10, bytes), version).is_err());
+            assert!(check_header(&header(100, 10, bytes), version).is_ok());
+            assert!(check_header(&header(100, 10, bytes + 1), version).is_err());
+            assert!(check_header(&header(100, usize::MAX / 8, bytes), version).is_err());
+            assert!(check_header(&header(usize::MAX, 10, bytes), version).is_err());
         }
         let mut lattice = header(100, 10, 368).lattice;
-        assert!(sound(&lattice).is_ok());
+        assert!(check_lattice(&lattice).is_ok());
         lattice.a = [0.0; 2];
-        assert!(sound(&lattice).is_err());
+        assert!(check_lattice(&lattice).is_err());
         lattice.a = [f64::NAN; 2];
-        assert!(sound(&lattice).is_err());
+        assert!(check_lattice(&lattice).is_err());
     }
 }

@@ -1,0 +1,86 @@
+//! How far a lenslet's own centre is believed when there are no white images: as far as several captures agree on it.
+
+use super::flatten::flatten_capture;
+use crate::calibration::centres::measure::measure_lenslets;
+use crate::calibration::centres::measured::{self, MeasuredLenslet};
+use crate::calibration::centres::predicted::PredictedLenslet;
+use crate::calibration::error::Error;
+use crate::calibration::lattice;
+use crate::calibration::locate::{self, LocatedLenslets};
+use crate::calibration::photometric::hot_pixels;
+use crate::calibration::screening::Screened;
+use crate::calibration::smoothing::shrink;
+use crate::progress::Observer;
+
+/// Weighs each lenslet's own centre by what the captures, each measured alone, agree on: what they share is the lenslet's, what
+/// they do not is the scene's. With one capture nothing can be told, and the lattice alone stands.
+///
+/// # Errors
+/// [`Error::Interrupted`].
+pub fn weigh_by_agreement(
+    captures: &[Screened],
+    hot: &[u32],
+    size: (usize, usize),
+    found: &mut LocatedLenslets,
+    observer: &dyn Observer,
+) -> Result<(), Error> {
+    let (width, height) = size;
+    let grid = found.lattice;
+    if captures.len() == 1 {
+        for l in &mut found.lenslets {
+            [l.x, l.y] = grid.centre(l.i, l.j);
+            l.trust = 0.0;
+        }
+        let (right, bottom) = ((width - 1) as f64, (height - 1) as f64);
+        found.lenslets.retain(|l| l.x >= 0.0 && l.y >= 0.0 && l.x <= right && l.y <= bottom);
+        return Ok(());
+    }
+    let places: Vec<PredictedLenslet> = lattice::indices(&grid, width, height, 1.0)
+        .into_iter()
+        .map(|[i, j]| {
+            let [x, y] = grid.centre(i, j);
+            PredictedLenslet { i, j, x, y, gain: 1.0, slope: [0.0; 2] }
+        })
+        .collect();
+    let mut sums = vec![[0f64; 5]; places.len()];
+    for (_, capture) in captures {
+        let (mut plane, _) = flatten_capture(capture, hot)?;
+        hot_pixels::mask_hot_pixels(&mut plane, hot);
+        let measured = measure_lenslets(&plane, &found.profile, &places, f64::INFINITY);
+        let typical = measured::typical_misfit(&measured).powi(2);
+        for ((sum, m), site) in sums.iter_mut().zip(&measured).zip(&places) {
+            let (dx, dy) = (m.x - site.x, m.y - site.y);
+            if m.usable && m.misfit < 4.0 * typical && dx.hypot(dy) < 0.15 * grid.pitch() {
+                for (slot, v) in sum.iter_mut().zip([1.0, dx, dy, dx * dx, dy * dy]) {
+                    *slot += v;
+                }
+            }
+        }
+        observer.advance(1);
+        if observer.cancelled() {
+            return Err(Error::Interrupted);
+        }
+    }
+    // Variance between captures, pooled over all lenslets seen at least twice.
+    let (mut within, mut degrees) = ([0f64; 2], 0f64);
+    for s in sums.iter().filter(|s| s[0] >= 2.0) {
+        within[0] += s[3] - s[1] * s[1] / s[0];
+        within[1] += s[4] - s[2] * s[2] / s[0];
+        degrees += s[0] - 1.0;
+    }
+    let measured: Vec<MeasuredLenslet> = places
+        .iter()
+        .zip(&sums)
+        .map(|(p, s)| {
+            let n = s[0].max(1.0);
+            let mut m = MeasuredLenslet::from_position(p.i, p.j, p.x + s[1] / n, p.y + s[2] / n);
+            m.usable = s[0] >= 2.0 && degrees > 0.0;
+            m.unit = within.map(|w| if m.usable { w / degrees / n } else { f64::INFINITY });
+            m.misfit = 1.0;
+            m
+        })
+        .collect();
+    found.shrunk = shrink::shrink_centres(&grid, &measured, width, height);
+    found.lenslets = locate::lenslets_on_sensor(&measured, &found.shrunk, width, height);
+    Ok(())
+}

@@ -1,0 +1,62 @@
+//! Regular lattice fitted over all measured centres, robustly: min over origin, a, b of Σ ρ(|c_ij − origin − i·a − j·b| / s)
+//! with Tukey's ρ (paper section 3.2: "fit a regular triangle grid to the estimated center points"). Row stretch comes with it,
+//! since a and b are free.
+
+use super::measured::MeasuredLenslet;
+use crate::calibration::linear;
+use crate::calibration::model::Lattice;
+
+/// Tukey's constant: 95 % as efficient as least squares on Gaussian errors.
+const TUKEY: f64 = 4.685;
+/// Rounds of reweighting.
+const ROUNDS: usize = 6;
+
+/// Robust fit over the measured centres that are usable; `start` gives the packing, and is returned when fewer than ten are.
+pub fn fit_lattice(start: &Lattice, measured: &[MeasuredLenslet]) -> Lattice {
+    let usable: Vec<&MeasuredLenslet> = measured.iter().filter(|m| m.usable).collect();
+    if usable.len() < 10 {
+        return *start;
+    }
+    let mut lattice = *start;
+    for round in 0..ROUNDS {
+        // Scale from the median of the residuals; the first round trusts the start only roughly.
+        let mut distances: Vec<f64> = usable
+            .iter()
+            .map(|m| {
+                let c = lattice.centre(m.i, m.j);
+                (m.x - c[0]).hypot(m.y - c[1])
+            })
+            .collect();
+        let half = distances.len() / 2;
+        let median = *distances.select_nth_unstable_by(half, f64::total_cmp).1;
+        let scale = (median / 1.1774 * TUKEY * if round == 0 { 2.0 } else { 1.0 }).max(1e-6);
+        let mut normal = [[0f64; 3]; 3];
+        let mut right = [[0f64; 3]; 2];
+        for m in &usable {
+            let c = lattice.centre(m.i, m.j);
+            let (rx, ry) = (m.x - c[0], m.y - c[1]);
+            let u = (rx * rx + ry * ry) / (scale * scale);
+            if u >= 1.0 {
+                continue;
+            }
+            let w = (1.0 - u) * (1.0 - u);
+            let row = [1.0, f64::from(m.i), f64::from(m.j)];
+            for r in 0..3 {
+                for c in 0..3 {
+                    normal[r][c] += w * row[r] * row[c];
+                }
+                right[0][r] += w * row[r] * rx;
+                right[1][r] += w * row[r] * ry;
+            }
+        }
+        let (Some(fx), Some(fy)) = (linear::solve(normal, right[0]), linear::solve(normal, right[1])) else {
+            return lattice;
+        };
+        for (k, f) in [fx, fy].into_iter().enumerate() {
+            lattice.origin[k] += f[0];
+            lattice.a[k] += f[1];
+            lattice.b[k] += f[2];
+        }
+    }
+    lattice
+}

@@ -1,0 +1,126 @@
+//! Sub-pixel centre of each lenslet (paper section 3.2, "fit paraboloid"), without eroding or rotating: around the predicted
+//! centre p, min over g, d of Σ w·(I(x)/F(x) − g·T(x − p − d))², linear in (g, g·dx, g·dy), T being the common profile and F the
+//! local slope of the main lens' vignetting. Answers with its variance.
+
+use rayon::prelude::*;
+
+use super::measured::MeasuredLenslet;
+use super::predicted::PredictedLenslet;
+use super::profile::MicroImageProfile;
+use crate::calibration::linear;
+use crate::calibration::sensor_image::SensorImage;
+
+/// How a pixel's noise grows with light: variance ∝ T + FLOOR. Shot noise mostly, some read noise.
+const FLOOR: f32 = 0.08;
+
+/// Measures every site. `clip`: pixels farther than this from the model (relative to the gain, in units of √weight) are left
+/// out: hot pixels, dust.
+pub fn measure_lenslets(
+    plane: &SensorImage,
+    profile: &MicroImageProfile,
+    sites: &[PredictedLenslet],
+    clip: f64,
+) -> Vec<MeasuredLenslet> {
+    sites.par_iter().with_min_len(256).map(|site| measure_lenslet(plane, profile, site, clip)).collect()
+}
+
+fn measure_lenslet(
+    plane: &SensorImage,
+    profile: &MicroImageProfile,
+    site: &PredictedLenslet,
+    clip: f64,
+) -> MeasuredLenslet {
+    let reach = profile.radius;
+    let mut out = MeasuredLenslet {
+        i: site.i,
+        j: site.j,
+        x: site.x,
+        y: site.y,
+        gain: 0.0,
+        unit: [f64::INFINITY; 2],
+        misfit: f64::INFINITY,
+        usable: false,
+    };
+    let (left, top) = ((site.x - reach).ceil().max(0.0), (site.y - reach).ceil().max(0.0));
+    let right = (site.x + reach).floor().min(plane.width as f64 - 1.0);
+    let bottom = (site.y + reach).floor().min(plane.height as f64 - 1.0);
+    if !(left <= right && top <= bottom) {
+        return out;
+    }
+    let (x0, x1, y0, y1) = (left as usize, right as usize, top as usize, bottom as usize);
+    let inverse = (1.0 / (reach * reach)) as f32;
+    let terms = profile.terms.map(|t| t as f32);
+    let slopes: [f32; 4] = std::array::from_fn(|k| (k + 1) as f32 * terms[k + 1]);
+    let (gx, gy) = (site.slope[0] as f32, site.slope[1] as f32);
+    let clip2 = (clip * clip * site.gain * site.gain) as f32;
+    // Sums of w·(t, tx, ty)², w·(t, tx, ty)·v, w·v², w.
+    let mut s = [0f32; 12];
+    let mut count = 0u32;
+    for y in y0..=y1 {
+        let dy = (y as f64 - site.y) as f32;
+        let row = &plane.row(y)[x0..=x1];
+        let limits = [plane.limit[(y & 1) * 2], plane.limit[(y & 1) * 2 + 1]];
+        for (x, &raw) in (x0..).zip(row) {
+            let dx = (x as f64 - site.x) as f32;
+            let u = (dx * dx + dy * dy) * inverse;
+            if u >= 1.0 || raw >= limits[x & 1] {
+                continue;
+            }
+            let t = (((terms[4] * u + terms[3]) * u + terms[2]) * u + terms[1]) * u + terms[0];
+            let slope = ((slopes[3] * u + slopes[2]) * u + slopes[1]) * u + slopes[0];
+            let v = raw / (1.0 + gx * dx + gy * dy);
+            // Falls to nothing over the last pixel, so that a pixel entering the window does not make the centre jump.
+            let rim = ((1.0 - u) * reach as f32 * 0.5).min(1.0);
+            let w = rim / (t.max(0.0) + FLOOR);
+            let off = v - site.gain as f32 * t;
+            if w * off * off > clip2 {
+                continue;
+            }
+            let d = -2.0 * slope * inverse;
+            let (tx, ty) = (d * dx, d * dy);
+            let (wt, wx, wy) = (w * t, w * tx, w * ty);
+            for (sum, term) in s.iter_mut().zip([
+                wt * t,
+                wt * tx,
+                wt * ty,
+                wx * tx,
+                wx * ty,
+                wy * ty,
+                wt * v,
+                wx * v,
+                wy * v,
+                w * v * v,
+                w,
+                0.0,
+            ]) {
+                *sum += term;
+            }
+            count += 1;
+        }
+    }
+    let s = s.map(f64::from);
+    let matrix = [[s[0], s[1], s[2]], [s[1], s[3], s[4]], [s[2], s[4], s[5]]];
+    let Some([g, px, py]) = linear::solve(matrix, [s[6], s[7], s[8]]) else { return out };
+    if g.is_nan() || g <= 0.0 || count < 6 {
+        return out;
+    }
+    let rest = (s[9] - g * s[6] - px * s[7] - py * s[8]).max(0.0);
+    out.gain = g * profile.terms[0];
+    out.misfit = rest / (g * g * f64::from(count - 3));
+    let (dx, dy) = (px / g, py / g);
+    for k in 0..2 {
+        let mut unit = [0f64; 3];
+        unit[k + 1] = 1.0;
+        match linear::solve(matrix, unit) {
+            Some(column) => out.unit[k] = column[k + 1],
+            None => return out,
+        }
+    }
+    // A step beyond the window's half is no measurement.
+    if dx.hypot(dy) < 0.5 * reach {
+        out.x = site.x + dx;
+        out.y = site.y + dy;
+        out.usable = true;
+    }
+    out
+}

@@ -1,0 +1,63 @@
+//! What is refused before any calibration: images too small, damaged, or of different cameras.
+
+use std::borrow::Borrow;
+
+use super::error::Error;
+use crate::container::Capture;
+
+/// Smallest side of an image worth looking at, pixels.
+const SMALLEST: usize = 64;
+
+/// Whether captures can be calibrated together: of one camera and size, large enough, with levels that make sense.
+///
+/// # Errors
+/// The first capture that cannot.
+pub fn check_same_camera<C: Borrow<Capture>>(captures: &[C]) -> Result<(), Error> {
+    let first = captures.first().ok_or(Error::NoImages)?.borrow();
+    for (n, capture) in captures.iter().enumerate() {
+        let capture = capture.borrow();
+        check_capture(capture, n + 1)?;
+        check_like(first, capture, n + 1)?;
+    }
+    Ok(())
+}
+
+/// Refuses a capture too small, or whose numbers contradict each other; `index` counts from 1.
+///
+/// # Errors
+/// [`Error::BadImage`].
+pub fn check_capture(capture: &Capture, index: usize) -> Result<(), Error> {
+    let (width, height) = (capture.mosaic.width, capture.mosaic.height);
+    let bad = |reason| Error::BadImage { index, width, height, reason };
+    if width < SMALLEST || height < SMALLEST {
+        return Err(bad("it is smaller than 64 pixels"));
+    }
+    if capture.mosaic.data.len() != width.saturating_mul(height) || u32::try_from(capture.mosaic.data.len()).is_err() {
+        return Err(bad("its pixels do not fit its size"));
+    }
+    for p in 0..4 {
+        let (black, white) = (capture.levels.black[p], capture.levels.white[p]);
+        if !(black.is_finite() && white.is_finite() && white > black) {
+            return Err(bad("its white level is not above its black level"));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses a capture (`index`, from 1) of another size or body than `first`.
+///
+/// # Errors
+/// [`Error::SizesDiffer`], [`Error::CamerasDiffer`].
+pub fn check_like(first: &Capture, capture: &Capture, index: usize) -> Result<(), Error> {
+    let (width, height) = (first.mosaic.width, first.mosaic.height);
+    let (got_width, got_height) = (capture.mosaic.width, capture.mosaic.height);
+    if (got_width, got_height) != (width, height) {
+        return Err(Error::SizesDiffer { index, got_width, got_height, width, height });
+    }
+    match (&first.camera.serial, &capture.camera.serial) {
+        (Some(expected), Some(got)) if expected != got => {
+            Err(Error::CamerasDiffer { index, got: got.clone(), expected: expected.clone() })
+        }
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,82 @@
+//! The header of a `.calib` file, what its payload holds, and whether the header's numbers are possible.
+
+use serde::{Deserialize, Serialize};
+
+use crate::calibration::model::{CalibrationOrigin, CalibrationQuality, Lattice, Lenslet};
+use crate::calibration::photometric::hot_pixels::PIXELS_PER_HOT_PIXEL;
+
+/// No sensor side is longer than this, pixels.
+const LARGEST_SIDE: usize = 1 << 16;
+/// No sensor has more pixels.
+const MOST_PIXELS: usize = 1 << 29;
+
+/// The JSON header.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct Header {
+    pub program: String,
+    pub width: usize,
+    pub height: usize,
+    pub lattice: Lattice,
+    pub lenslets: usize,
+    #[serde(default)]
+    pub hot_pixels: usize,
+    pub vignetting: Option<[usize; 2]>,
+    pub quality: CalibrationQuality,
+    pub origin: CalibrationOrigin,
+    pub payload_bytes: usize,
+    pub payload_sha256: String,
+}
+
+/// Figures kept to the last bit: origin, a, b; the five of the quality.
+pub const FIGURES: usize = 11;
+
+/// The figures, in the order they are kept in.
+pub fn figures(lattice: &Lattice, quality: &CalibrationQuality) -> [f64; FIGURES] {
+    let (o, a, b, q) = (lattice.origin, lattice.a, lattice.b, quality);
+    [o[0], o[1], a[0], a[1], b[0], b[1], q.residual_rms, q.scatter, q.noise, q.rejected, q.confidence]
+}
+
+/// What a payload holds besides the figures.
+pub struct Payload {
+    pub lenslets: Vec<Lenslet>,
+    pub hot_pixels: Vec<u32>,
+    pub white: Vec<u16>,
+}
+
+/// Pixels of the white image (0 without one).
+///
+/// # Errors
+/// Sizes that no sensor has, or that contradict each other.
+pub fn white_pixels(header: &Header) -> Result<usize, &'static str> {
+    let size = |w: usize, h: usize| {
+        ((1..=LARGEST_SIDE).contains(&w) && (1..=LARGEST_SIDE).contains(&h) && w * h <= MOST_PIXELS).then_some(w * h)
+    };
+    let sensor = size(header.width, header.height).ok_or("its sensor size is impossible")?;
+    if header.lenslets > sensor / 4 {
+        return Err("it has more lenslets than its sensor has room for");
+    }
+    let pixels = match header.vignetting {
+        Some([w, h]) if [w, h] == [header.width, header.height] => sensor,
+        Some(_) => return Err("its white image is not of its sensor's size"),
+        None => 0,
+    };
+    if header.hot_pixels > sensor / PIXELS_PER_HOT_PIXEL {
+        return Err("it has more hot pixels than a sensor may have");
+    }
+    Ok(pixels)
+}
+
+/// Refuses a lattice whose vectors are not finite or enclose less than a pixel.
+pub fn check_lattice(l: &Lattice) -> Result<(), &'static str> {
+    let numbers = [l.origin, l.a, l.b];
+    let det = l.a[0] * l.b[1] - l.a[1] * l.b[0];
+    if !numbers.iter().flatten().all(|v| v.is_finite() && v.abs() < 1e6) || det.abs() <= 1.0 {
+        return Err("its lattice is impossible");
+    }
+    Ok(())
+}
+
+/// The `k`th N-byte item of a slice that has it.
+pub fn item_bytes<const N: usize>(from: &[u8], k: usize) -> [u8; N] {
+    std::array::from_fn(|b| from[k * N + b])
+}

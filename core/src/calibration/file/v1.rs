@@ -1,0 +1,37 @@
+//! Format version 1, read only: i (i32), j (i32), x (f64), y (f64), trust (f32) of the lenslets, one array after the other, then
+//! the white image as u16, each row as differences two pixels apart (same colour).
+
+use super::header::{Payload, item_bytes};
+use crate::calibration::model::Lenslet;
+
+/// Bytes a lenslet takes.
+const LENSLET: usize = 4 + 4 + 8 + 8 + 4;
+
+/// Length of what [`read`] reads.
+pub fn bytes_of(lenslets: usize, pixels: usize) -> usize {
+    lenslets * LENSLET + 2 * pixels
+}
+
+/// Reads `n` lenslets and `pixels` pixels of rows of `width`; `from` is as long as [`bytes_of`] says.
+pub fn read(from: &[u8], n: usize, width: usize, pixels: usize) -> Payload {
+    let (i, rest) = from.split_at(4 * n);
+    let (j, rest) = rest.split_at(4 * n);
+    let (x, rest) = rest.split_at(8 * n);
+    let (y, rest) = rest.split_at(8 * n);
+    let (trust, image) = rest.split_at(4 * n);
+    let lenslets = (0..n)
+        .map(|k| Lenslet {
+            i: i32::from_le_bytes(item_bytes(i, k)),
+            j: i32::from_le_bytes(item_bytes(j, k)),
+            x: f64::from_le_bytes(item_bytes(x, k)),
+            y: f64::from_le_bytes(item_bytes(y, k)),
+            trust: f32::from_le_bytes(item_bytes(trust, k)),
+        })
+        .collect();
+    let mut white = Vec::with_capacity(pixels);
+    for k in 0..pixels {
+        let before = if k % width >= 2 { white[k - 2] } else { 0u16 };
+        white.push(before.wrapping_add(u16::from_le_bytes(item_bytes(image, k))));
+    }
+    Payload { lenslets, hot_pixels: Vec::new(), white }
+}

@@ -1,0 +1,253 @@
+//! The lattice over the whole sensor from the phases of its two fundamentals in small tiles: a first lattice within a
+//! few hundredths of a pixel everywhere, which no dead lenslet, dust or scratch can pull far. (Goes past paper section 3.2,
+//! which rotates by the peak's bin alone.)
+
+use rayon::prelude::*;
+
+use super::rotation::{Fundamentals, lattice_vectors};
+use crate::calibration::error::Error;
+use crate::calibration::lattice::centred;
+use crate::calibration::linear;
+use crate::calibration::model::Lattice;
+use crate::calibration::sensor_image::SensorImage;
+
+/// Tiles a side, at most.
+const TILES: usize = 24;
+/// Tile side in lattice periods.
+const PERIODS: f64 = 8.0;
+/// Mean alignment of tile phases under which there is no lattice (1 = perfect, 1/√tiles = chance).
+const LEAST_COHERENCE: f64 = 0.5;
+
+/// What the phases gave.
+#[derive(Debug, Clone, Copy)]
+pub struct PhaseFit {
+    /// The lattice.
+    pub lattice: Lattice,
+    /// Mean alignment of the tiles' phases with it, 0..1.
+    pub coherence: f64,
+}
+
+#[derive(Clone, Copy)]
+struct Tile {
+    x: f64,
+    y: f64,
+    z: [(f64, f64); 2],
+}
+
+/// How a plane is cut into tiles.
+struct Tiling {
+    side: usize,
+    nx: usize,
+    ny: usize,
+    middle: [f64; 2],
+}
+
+impl Tiling {
+    fn new(plane: &SensorImage, period: f64) -> Self {
+        let side = ((PERIODS * period) as usize).clamp(16, plane.width.min(plane.height));
+        let count = |length: usize| (length / side).clamp(1, TILES);
+        let middle = [(plane.width as f64 - 1.0) / 2.0, (plane.height as f64 - 1.0) / 2.0];
+        Tiling { side, nx: count(plane.width), ny: count(plane.height), middle }
+    }
+
+    /// Phases of every tile at both frequencies.
+    fn tiles(&self, plane: &SensorImage, f: &[[f64; 2]; 2]) -> Vec<Tile> {
+        let (side, nx, ny) = (self.side, self.nx, self.ny);
+        let corner = |k: usize, n: usize, length: usize| {
+            if n == 1 { (length - side) / 2 } else { k * (length - side) / (n - 1) }
+        };
+        (0..nx * ny)
+            .into_par_iter()
+            .map(|k| {
+                demodulate_tile(
+                    plane,
+                    corner(k % nx, nx, plane.width),
+                    corner(k / nx, ny, plane.height),
+                    side,
+                    f,
+                    self.middle,
+                )
+            })
+            .collect()
+    }
+}
+
+/// How far the pattern of a plane is where a lattice says: 1 everywhere, 0 by chance, below 0 between its lenslets.
+pub fn phase_agreement(plane: &SensorImage, lattice: &Lattice) -> f64 {
+    use std::f64::consts::PI;
+    let (a, b) = (lattice.a, lattice.b);
+    let det = a[0] * b[1] - a[1] * b[0];
+    let f = [[b[1] / det, -b[0] / det], [-a[1] / det, a[0] / det]];
+    let tiling = Tiling::new(plane, 1.0 / f[0][0].hypot(f[0][1]));
+    let tiles = tiling.tiles(plane, &f);
+    let off = [tiling.middle[0] - lattice.origin[0], tiling.middle[1] - lattice.origin[1]];
+    let along = |w: usize| {
+        let (s, c) = (2.0 * PI * (f[w][0] * off[0] + f[w][1] * off[1])).sin_cos();
+        tiles.iter().map(|t| t.z[w].0 * c + t.z[w].1 * s).sum::<f64>() / tiles.len() as f64
+    };
+    along(0).min(along(1))
+}
+
+/// Locks the lattice on the phases of its fundamentals.
+///
+/// # Errors
+/// [`Error::NoPattern`] when the phases of the tiles do not agree on one lattice.
+pub fn fit_phases(plane: &SensorImage, start: &Fundamentals) -> Result<PhaseFit, Error> {
+    let mut f = [start.f1, start.f2];
+    let tiling = Tiling::new(plane, 1.0 / f[0][0].hypot(f[0][1]));
+    let (nx, ny, middle) = (tiling.nx, tiling.ny, tiling.middle);
+    let mut phase = [0f64; 2];
+    let mut coherence = 0.0;
+    // Round one is demodulated with the peaks of the spectrum, round two with the corrected frequencies.
+    for _ in 0..2 {
+        let tiles = tiling.tiles(plane, &f);
+        coherence = 1.0;
+        for w in 0..2 {
+            let fit = fit_phase_plane(&tiles, w, nx, ny);
+            f[w][0] += fit.slope[0];
+            f[w][1] += fit.slope[1];
+            phase[w] = fit.phase;
+            coherence = fit.coherence.min(coherence);
+        }
+    }
+    if coherence < LEAST_COHERENCE {
+        return Err(Error::NoPattern {
+            reason: format!("the pattern's phases agree to {:.0} % only over the image", 100.0 * coherence),
+        });
+    }
+    let (grid, a, b) = lattice_vectors(start.square, f[0], f[1]);
+    // Light ~ cos 2π f·(p − c): the phase at the sensor's middle m is f·(m − c).
+    let det = f[0][0] * f[1][1] - f[0][1] * f[1][0];
+    let turns = [-phase[0], -phase[1]];
+    let c = [
+        middle[0] + (turns[0] * f[1][1] - turns[1] * f[0][1]) / det,
+        middle[1] + (f[0][0] * turns[1] - f[1][0] * turns[0]) / det,
+    ];
+    Ok(PhaseFit { lattice: centred(Lattice { grid, origin: c, a, b }, plane.width, plane.height), coherence })
+}
+
+/// Light of one tile at both frequencies, phases referred to the sensor's middle.
+fn demodulate_tile(
+    plane: &SensorImage,
+    x0: usize,
+    y0: usize,
+    side: usize,
+    f: &[[f64; 2]; 2],
+    middle: [f64; 2],
+) -> Tile {
+    use std::f64::consts::PI;
+    let window: Vec<f32> =
+        (0..side).map(|k| 0.5 - 0.5 * (2.0 * std::f32::consts::PI * (k as f32 + 0.5) / side as f32).cos()).collect();
+    let (cx, cy) = (x0 as f64 + (side as f64 - 1.0) / 2.0, y0 as f64 + (side as f64 - 1.0) / 2.0);
+    let mut mean = 0f64;
+    for y in 0..side {
+        mean += plane.row(y0 + y)[x0..x0 + side].iter().map(|&v| f64::from(v)).sum::<f64>();
+    }
+    let mean = (mean / (side * side) as f64) as f32;
+    let z = [0, 1].map(|w| {
+        let columns: Vec<(f32, f32)> = (0..side)
+            .map(|x| {
+                let (s, c) = (-2.0 * PI * f[w][0] * ((x0 + x) as f64 - cx)).sin_cos();
+                (c as f32 * window[x], s as f32 * window[x])
+            })
+            .collect();
+        let (mut re, mut im) = (0f64, 0f64);
+        for (y, &weight) in window.iter().enumerate() {
+            let row = &plane.row(y0 + y)[x0..x0 + side];
+            let (mut r, mut i) = (0f32, 0f32);
+            for (&v, &(c, s)) in row.iter().zip(&columns) {
+                r += (v - mean) * c;
+                i += (v - mean) * s;
+            }
+            let (s, c) = (-2.0 * PI * f[w][1] * ((y0 + y) as f64 - cy)).sin_cos();
+            let k = f64::from(weight);
+            re += k * (f64::from(r) * c - f64::from(i) * s);
+            im += k * (f64::from(r) * s + f64::from(i) * c);
+        }
+        // Unit length (a bright tile has no more say than a dark one), turned to what it would be at the middle.
+        let length = re.hypot(im).max(1e-30);
+        let (s, c) = (-2.0 * PI * (f[w][0] * (cx - middle[0]) + f[w][1] * (cy - middle[1]))).sin_cos();
+        ((re * c - im * s) / length, (re * s + im * c) / length)
+    });
+    Tile { x: cx - middle[0], y: cy - middle[1], z }
+}
+
+struct PhasePlane {
+    /// Turns a pixel.
+    slope: [f64; 2],
+    /// Turns at the middle.
+    phase: f64,
+    coherence: f64,
+}
+
+/// Phase as a plane over the sensor: slopes from neighbouring tiles first (they cannot be a turn apart), then a robust line.
+fn fit_phase_plane(tiles: &[Tile], w: usize, nx: usize, ny: usize) -> PhasePlane {
+    use std::f64::consts::PI;
+    let mut slope = [0f64; 2];
+    for (axis, step, n) in [(0, 1, nx), (1, nx, ny)] {
+        let (mut re, mut im) = (0f64, 0f64);
+        for k in 0..tiles.len().saturating_sub(step) {
+            if axis == 0 && k % nx == nx - 1 {
+                continue;
+            }
+            let (p, q) = (tiles[k].z[w], tiles[k + step].z[w]);
+            re += p.0 * q.0 + p.1 * q.1;
+            im += p.0 * q.1 - p.1 * q.0;
+        }
+        if n > 1 {
+            let gap = if axis == 0 { tiles[1].x - tiles[0].x } else { tiles[step].y - tiles[0].y };
+            slope[axis] = im.atan2(re) / (2.0 * PI * gap);
+        }
+    }
+    let mut phase = 0.0;
+    let mut weights = vec![1f64; tiles.len()];
+    let mut coherence = 0.0;
+    for _ in 0..8 {
+        let (mut re, mut im) = (0f64, 0f64);
+        let turned: Vec<(f64, f64)> = tiles
+            .iter()
+            .map(|t| {
+                let (s, c) = (-2.0 * PI * (slope[0] * t.x + slope[1] * t.y)).sin_cos();
+                (t.z[w].0 * c - t.z[w].1 * s, t.z[w].0 * s + t.z[w].1 * c)
+            })
+            .collect();
+        for (z, &k) in turned.iter().zip(&weights) {
+            re += k * z.0;
+            im += k * z.1;
+        }
+        phase = im.atan2(re) / (2.0 * PI);
+        let plain = turned.iter().fold((0f64, 0f64), |s, z| (s.0 + z.0, s.1 + z.1));
+        coherence = plain.0.hypot(plain.1) / tiles.len() as f64;
+        // What is left, in turns, wrapped; then a weighted line through it.
+        let mut sums = [0f64; 9];
+        for ((t, z), weight) in tiles.iter().zip(&turned).zip(weights.iter_mut()) {
+            let rest = (z.1.atan2(z.0) / (2.0 * PI) - phase + 0.5).rem_euclid(1.0) - 0.5;
+            *weight = 1.0 / (1.0 + (rest / 0.03).powi(2));
+            let k = *weight;
+            for (slot, v) in sums.iter_mut().zip([
+                k,
+                k * t.x,
+                k * t.y,
+                k * t.x * t.x,
+                k * t.x * t.y,
+                k * t.y * t.y,
+                k * rest,
+                k * rest * t.x,
+                k * rest * t.y,
+            ]) {
+                *slot += v;
+            }
+        }
+        let [n, sx, sy, sxx, sxy, syy, r, rx, ry] = sums;
+        let matrix = [[n, sx, sy], [sx, sxx, sxy], [sy, sxy, syy]];
+        if nx > 1
+            && ny > 1
+            && let Some(fit) = linear::solve(matrix, [r, rx, ry])
+        {
+            slope[0] += fit[1];
+            slope[1] += fit[2];
+            phase += fit[0];
+        }
+    }
+    PhasePlane { slope, phase, coherence }
+}

@@ -1,0 +1,208 @@
+//! The default way from an equalised image to centres: spectrum → phases → profile → centres → lattice → shrinkage, all on the
+//! unrotated mosaic. Coordinates are transformed, never pixels.
+
+use super::centres::lattice_fit;
+use super::centres::measure::measure_lenslets;
+use super::centres::measured::{self, MeasuredLenslet};
+use super::centres::predicted::PredictedLenslet;
+use super::centres::profile::{self, MicroImageProfile};
+use super::error::Error;
+use super::fundamentals::{prior, spectrum};
+use super::lattice;
+use super::model::{Grid, Lattice, Lenslet};
+use super::photometric::hot_pixels;
+use super::sensor_image::SensorImage;
+use super::smoothing::illumination::Illumination;
+use super::smoothing::shrink::{self, ShrunkCentres};
+use crate::container::MlaHint;
+use crate::progress::Observer;
+
+/// Window radius in pitches: wide enough to use the light, clear of the neighbours' micro-images.
+const REACH: f64 = 0.45;
+/// Micro-images flatter than this from centre to rim are none.
+const LEAST_CONTRAST: f64 = 0.03;
+/// Pixels nearer the model than this share of the light are never left out.
+const LEAST_CLIP: f64 = 0.1;
+/// Share of lenslets that must be measurable.
+const LEAST_USABLE: f64 = 0.3;
+
+/// Everything learnt about a white image.
+#[derive(Debug, Clone)]
+pub struct LocatedLenslets {
+    /// The regular lattice.
+    pub lattice: Lattice,
+    /// Lenslets with their centre on the sensor, by (j, i).
+    pub lenslets: Vec<Lenslet>,
+    /// Common micro-image profile.
+    pub profile: MicroImageProfile,
+    /// Broad light.
+    pub illumination: Illumination,
+    /// How the centres were weighed.
+    pub shrunk: ShrunkCentres,
+    /// Agreement of the pattern's phases over the sensor, 0..1.
+    pub coherence: f64,
+    /// Prominence of the weakest spectral peak used.
+    pub prominence: f64,
+}
+
+/// Finds the lattice and every lenslet of an equalised image. `hint` is a first guess of the lattice; the `hot_pixels` (ascending, on the
+/// plane) are not measured, and marked as saturated afterwards.
+///
+/// # Errors
+/// [`Error::NoPattern`], and [`Error::Interrupted`] when the observer asks to stop.
+pub fn locate_lenslets(
+    plane: &mut SensorImage,
+    hint: Option<&MlaHint>,
+    hot: &[u32],
+    observer: &dyn Observer,
+) -> Result<LocatedLenslets, Error> {
+    let (width, height) = (plane.width, plane.height);
+    let stage = |name: &str| {
+        observer.begin(name, 0);
+        if observer.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
+    };
+    stage("spectrum")?;
+    let spectrum = spectrum::power_spectrum(plane);
+    stage("phases")?;
+    let (start, locked) = prior::fit_with_prior(plane, &spectrum, hint)?;
+    hot_pixels::mask_hot_pixels(plane, hot);
+    stage("centres, first")?;
+    let mut grid = locked.lattice;
+    let radius = REACH * neighbour_distance(&grid);
+
+    let first = measure_lenslets(
+        plane,
+        &MicroImageProfile::paraboloid(radius),
+        &predict_lenslets(&grid, plane, None),
+        f64::INFINITY,
+    );
+    grid = lattice_fit::fit_lattice(&grid, &first);
+    let mut illumination = Illumination::new(&first, width, height, grid.pitch());
+    stage("centres, second")?;
+
+    let places = predict_lenslets(&grid, plane, Some(&illumination));
+    let mut profile = fit_micro_image(plane, &places, radius)?;
+    let second = measure_lenslets(plane, &profile, &places, f64::INFINITY);
+    grid = lattice_fit::fit_lattice(&grid, &second);
+    illumination = Illumination::new(&second, width, height, grid.pitch());
+    stage("centres, third")?;
+
+    // Now about the places found, each with its own brightness, and without pixels that do not fit.
+    let typical = measured::typical_misfit(&second);
+    let clip = (6.0 * typical).max(LEAST_CLIP);
+    let mut places = predict_lenslets(&grid, plane, Some(&illumination));
+    move_to_measured(&mut places, &second, 0.2 * radius, typical);
+    profile = fit_micro_image(plane, &places, radius)?;
+    let third = measure_lenslets(plane, &profile, &places, clip);
+    grid = lattice::centred(lattice_fit::fit_lattice(&grid, &third), width, height);
+    let usable = third.iter().filter(|m| m.usable).count() as f64 / third.len().max(1) as f64;
+    if usable < LEAST_USABLE {
+        return Err(Error::NoPattern {
+            reason: format!("only {:.0} % of the lenslets could be measured", 100.0 * usable),
+        });
+    }
+    stage("shrink")?;
+    let third: Vec<MeasuredLenslet> = reindex_lenslets(&grid, third);
+    let shrunk = shrink::shrink_centres(&grid, &third, width, height);
+    let lenslets = lenslets_on_sensor(&third, &shrunk, width, height);
+    Ok(LocatedLenslets {
+        lattice: grid,
+        lenslets,
+        profile,
+        illumination,
+        shrunk,
+        coherence: locked.coherence,
+        prominence: start.prominence,
+    })
+}
+
+/// Distance to the nearest neighbour.
+fn neighbour_distance(lattice: &Lattice) -> f64 {
+    let (a, b) = (lattice.a, lattice.b);
+    let length = |v: [f64; 2]| v[0].hypot(v[1]);
+    let c = match lattice.grid {
+        Grid::Square => a,
+        _ => [b[0] - a[0], b[1] - a[1]],
+    };
+    length(a).min(length(b)).min(length(c))
+}
+
+fn predict_lenslets(
+    lattice: &Lattice,
+    plane: &SensorImage,
+    illumination: Option<&Illumination>,
+) -> Vec<PredictedLenslet> {
+    lattice::indices(lattice, plane.width, plane.height, 1.0)
+        .into_iter()
+        .map(|[i, j]| {
+            let [x, y] = lattice.centre(i, j);
+            let (gain, slope) =
+                illumination.map_or((1.0, [0.0; 2]), |f| (f.brightness_at(x, y), f.relative_slope(x, y)));
+            PredictedLenslet { i, j, x, y, gain, slope }
+        })
+        .collect()
+}
+
+/// Moves the sites to where their lenslets were seen, if that is near and nothing seems to lie on them. Both lists are in
+/// (j, i) order and differ at the rim only.
+fn move_to_measured(places: &mut [PredictedLenslet], seen: &[MeasuredLenslet], near: f64, typical: f64) {
+    let mut seen = seen.iter().peekable();
+    for site in places {
+        let key = (site.j, site.i);
+        while seen.next_if(|m| (m.j, m.i) < key).is_some() {}
+        if let Some(m) = seen.next_if(|m| (m.j, m.i) == key)
+            && m.usable
+            && m.misfit < 4.0 * typical * typical
+            && (m.x - site.x).hypot(m.y - site.y) < near
+        {
+            (site.x, site.y) = (m.x, m.y);
+            // Its own brightness, unless something lies on it.
+            if (0.2..5.0).contains(&(m.gain / site.gain)) {
+                site.gain = m.gain;
+            }
+        }
+    }
+}
+
+fn fit_micro_image(plane: &SensorImage, places: &[PredictedLenslet], radius: f64) -> Result<MicroImageProfile, Error> {
+    let profile = profile::fit_profile(plane, places, radius)
+        .ok_or_else(|| Error::NoPattern { reason: "the micro-images have no light in their middles".into() })?;
+    if profile.contrast() < LEAST_CONTRAST {
+        return Err(Error::NoPattern {
+            reason: format!("the micro-images have only {:.1} % contrast", 100.0 * profile.contrast()),
+        });
+    }
+    Ok(profile)
+}
+
+/// MeasuredLenslet lenslets with the indices they have in `lattice`, whose (0, 0) may have moved by a lenslet.
+fn reindex_lenslets(lattice: &Lattice, mut measured: Vec<MeasuredLenslet>) -> Vec<MeasuredLenslet> {
+    // All move together: the commonest shift is the shift.
+    let shift = measured.iter().find(|m| m.usable).map_or([0, 0], |m| {
+        let c = lattice.coordinates(m.x, m.y);
+        [c[0].round() as i32 - m.i, c[1].round() as i32 - m.j]
+    });
+    for m in &mut measured {
+        m.i += shift[0];
+        m.j += shift[1];
+    }
+    measured
+}
+
+/// Lenslets with their centre on the sensor, by (j, i).
+pub fn lenslets_on_sensor(
+    measured: &[MeasuredLenslet],
+    shrunk: &ShrunkCentres,
+    width: usize,
+    height: usize,
+) -> Vec<Lenslet> {
+    let (right, bottom) = (width as f64 - 1.0, height as f64 - 1.0);
+    let mut all: Vec<Lenslet> = measured
+        .iter()
+        .zip(&shrunk.centres)
+        .map(|(m, &([x, y], trust))| Lenslet { i: m.i, j: m.j, x, y, trust })
+        .filter(|l| l.x >= 0.0 && l.x <= right && l.y >= 0.0 && l.y <= bottom)
+        .collect();
+    all.sort_by_key(|l| (l.j, l.i));
+    all
+}

@@ -1,0 +1,145 @@
+//! Algorithm 1 as the paper has it, step by step, for comparison with the default way: gamma, average, demosaic by equal
+//! channels, contrast stretch; rotation from the spectral peak nearest zero, the image rotated; erosion, local maxima,
+//! paraboloids; Delaunay triangulation and a regular triangle grid. Vignetting, noise and the second resampling pull its centres.
+
+use std::borrow::Borrow;
+
+use super::{erosion, gamma, maxima, paraboloid, rotate, stretch, triangulation};
+use crate::calibration::average;
+use crate::calibration::centres::lattice_fit;
+use crate::calibration::centres::measured::MeasuredLenslet;
+use crate::calibration::error::Error;
+use crate::calibration::fundamentals::{phase, rotation, spectrum};
+use crate::calibration::lattice;
+use crate::calibration::model::{Lattice, Lenslet};
+use crate::calibration::photometric::equalise;
+use crate::calibration::sensor_image::SensorImage;
+use crate::container::Capture;
+use crate::progress::Observer;
+
+/// Radius of the eroding disc, in pitches.
+const DISC: f64 = 0.2;
+/// Distance between two maxima, in pitches.
+const APART: f64 = 0.45;
+/// Light under which a maximum is no lenslet (of the stretched range).
+const FLOOR: f32 = 0.05;
+
+/// Every image on the way (the paper's figures 4 to 6) and what came out.
+#[derive(Debug, Clone)]
+pub struct Algorithm1Stages {
+    /// Encoded average of the captures (4a).
+    pub average: SensorImage,
+    /// Equal channels: the grey image (4b, 4c).
+    pub equalised: SensorImage,
+    /// Contrast stretched (4d).
+    pub stretched: SensorImage,
+    /// Power spectrum (5a).
+    pub spectrum: spectrum::Spectrum,
+    /// Angle the image was rotated by, radians.
+    pub angle: f64,
+    /// Rotated image (5c).
+    pub turned: SensorImage,
+    /// Eroded image (6a).
+    pub eroded: SensorImage,
+    /// Centres in the *unrotated* image (6c), all that were found.
+    pub centres: Vec<[f64; 2]>,
+    /// Delaunay edges between them (6d).
+    pub edges: Vec<[usize; 2]>,
+    /// The lattice fitted.
+    pub lattice: Lattice,
+    /// Lenslets: found ones where they were found (trust 1), the others on the lattice (trust 0).
+    pub lenslets: Vec<Lenslet>,
+    /// RMS distance of found centres from the lattice, pixels.
+    pub residual_rms: f64,
+    /// Agreement of the pattern's phases.
+    pub coherence: f64,
+    /// Prominence of the spectral peaks.
+    pub prominence: f64,
+}
+
+/// Runs the paper's steps.
+///
+/// # Errors
+/// As [`crate::calibration::calibrate`].
+pub fn run_algorithm1<C: Borrow<Capture>>(captures: &[C], observer: &dyn Observer) -> Result<Algorithm1Stages, Error> {
+    let step = |name: &str| {
+        observer.begin(name, 0);
+        if observer.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
+    };
+    step("average")?;
+    let exponent = captures.first().map_or(gamma::DEFAULT_EXPONENT, |c| gamma::gamma_exponent(c.borrow()));
+    let average = average::average_captures(captures, |v| gamma::encode_gamma(v, exponent))?;
+    let mut plane = average.clone();
+    equalise::equalise_channels(&mut plane);
+    let spectrum = spectrum::power_spectrum(&plane);
+    let equalised = plane.clone();
+    stretch::stretch_contrast(&mut plane);
+    step("rotate")?;
+
+    let start = rotation::find_fundamentals(&spectrum)?;
+    let locked = phase::fit_phases(&plane, &start)?;
+    let (packing, a, b) = rotation::lattice_vectors(start.square, start.f1, start.f2);
+    let guess = Lattice { grid: packing, origin: locked.lattice.origin, a, b };
+    let angle = guess.rotation();
+    let (width, height) = (plane.width, plane.height);
+    let turned = rotate::rotate_image(&plane, angle);
+    step("erode")?;
+
+    let pitch = guess.pitch();
+    let eroded = erosion::erode_by_disc(&turned, DISC * pitch);
+    let reach = ((0.15 * pitch) as usize).max(1);
+    let centres: Vec<[f64; 2]> = maxima::local_maxima(&eroded, APART * pitch, FLOOR)
+        .into_iter()
+        .filter_map(|[x, y]| paraboloid::paraboloid_top(&eroded, x, y, reach))
+        .map(|c| rotate::to_unrotated(c, angle, width, height))
+        .filter(|c| c[0] >= 0.0 && c[1] >= 0.0 && c[0] <= (width - 1) as f64 && c[1] <= (height - 1) as f64)
+        .collect();
+    step("triangulate")?;
+
+    let edges = triangulation::delaunay_edges(&centres);
+    let index = triangulation::index_centres(&centres, &edges, &guess);
+    let measured: Vec<MeasuredLenslet> = centres
+        .iter()
+        .zip(&index)
+        .filter_map(|(c, at)| at.map(|[i, j]| MeasuredLenslet::from_position(i, j, c[0], c[1])))
+        .collect();
+    if measured.len() < 10 {
+        return Err(Error::NoPattern { reason: format!("only {} lenslets were found", measured.len()) });
+    }
+    let fitted = lattice_fit::fit_lattice(&guess, &measured);
+    let grid = lattice::centred(fitted, width, height);
+    let moved = fitted.coordinates(grid.origin[0], grid.origin[1]).map(|v| v.round() as i32);
+    let mut found = std::collections::BTreeMap::new();
+    let mut sum = 0.0;
+    for m in &measured {
+        let at = fitted.centre(m.i, m.j);
+        sum += (m.x - at[0]).powi(2) + (m.y - at[1]).powi(2);
+        found.insert((m.j - moved[1], m.i - moved[0]), [m.x, m.y]);
+    }
+    let lenslets = lattice::indices(&grid, width, height, 0.0)
+        .into_iter()
+        .map(|[i, j]| {
+            let at = grid.centre(i, j);
+            // A maximum half a pitch away is another thing.
+            let own = found.get(&(j, i)).filter(|c| (c[0] - at[0]).hypot(c[1] - at[1]) < 0.5 * pitch);
+            let [x, y] = own.copied().unwrap_or(at);
+            Lenslet { i, j, x, y, trust: if own.is_some() { 1.0 } else { 0.0 } }
+        })
+        .collect();
+    Ok(Algorithm1Stages {
+        average,
+        equalised,
+        stretched: plane,
+        spectrum,
+        angle,
+        turned,
+        eroded,
+        centres,
+        edges,
+        lattice: grid,
+        lenslets,
+        residual_rms: (sum / measured.len() as f64).sqrt(),
+        coherence: locked.coherence,
+        prominence: start.prominence,
+    })
+}

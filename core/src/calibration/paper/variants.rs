@@ -1,0 +1,90 @@
+//! Variants of a calibration for comparison: the paper's own centres, or the default's with less in them.
+
+use super::algorithm1;
+use crate::calibration::error::Error;
+use crate::calibration::lattice;
+use crate::calibration::model::{Calibration, CalibrationQuality, Grid, Lattice, Lenslet};
+use crate::calibration::options::CalibrationVariant;
+use crate::container::Capture;
+use crate::progress::Observer;
+
+/// Replaces the centres by those of a lesser variant.
+pub fn apply_variant(
+    found: &mut Calibration,
+    captures: &[&Capture],
+    variant: CalibrationVariant,
+    observer: &dyn Observer,
+) -> Result<(), Error> {
+    let (width, height) = (found.width, found.height);
+    let on_grid = |grid: Lattice| -> Vec<Lenslet> {
+        let place = |[i, j]: [i32; 2]| {
+            let [x, y] = grid.centre(i, j);
+            Lenslet { i, j, x, y, trust: 0.0 }
+        };
+        lattice::indices(&grid, width, height, 0.0).into_iter().map(place).collect()
+    };
+    match variant {
+        CalibrationVariant::Full => return Ok(()),
+        CalibrationVariant::Paper => {
+            let stages = algorithm1::run_algorithm1(captures, observer)?;
+            found.lattice = stages.lattice;
+            found.lenslets = stages.lenslets;
+            found.quality.residual_rms = stages.residual_rms;
+            found.quality.scatter = stages.residual_rms / std::f64::consts::SQRT_2;
+            found.quality.noise = 0.0;
+            let measured = found.lenslets.iter().filter(|l| l.trust > 0.0).count();
+            found.quality.rejected = 1.0 - measured as f64 / found.lenslets.len().max(1) as f64;
+            found.quality.confidence =
+                CalibrationQuality::confidence_of(stages.coherence, stages.prominence, 1.0 - found.quality.rejected);
+        }
+        CalibrationVariant::Integer => {
+            let (right, bottom) = ((width - 1) as f64, (height - 1) as f64);
+            for l in &mut found.lenslets {
+                (l.x, l.y) = (l.x.round().clamp(0.0, right), l.y.round().clamp(0.0, bottom));
+            }
+        }
+        CalibrationVariant::RotationOnly => {
+            let l = found.lattice;
+            found.lattice = ideal_lattice(&l, l.pitch(), l.rotation(), width, height);
+            found.lenslets = on_grid(found.lattice);
+        }
+        CalibrationVariant::None => {
+            let l = found.lattice;
+            found.lattice = ideal_lattice(&l, l.pitch().round(), 0.0, width, height);
+            found.lenslets = on_grid(found.lattice);
+        }
+    }
+    found.origin.method = format!("{} ({variant})", found.origin.method);
+    Ok(())
+}
+
+/// The ideal grid with `found`'s packing and a lenslet where `found` has its (0, 0): pitch and rotation as given, no stretch.
+pub fn ideal_lattice(found: &Lattice, pitch: f64, rotation: f64, width: usize, height: usize) -> Lattice {
+    let (s, c) = rotation.sin_cos();
+    let a = match found.grid {
+        Grid::HexColumns => [-pitch * s, pitch * c],
+        _ => [pitch * c, pitch * s],
+    };
+    let (s, c) = match found.grid {
+        Grid::Square => (1.0, 0.0),
+        _ => 60f64.to_radians().sin_cos(),
+    };
+    let b = [c * a[0] - s * a[1], s * a[0] + c * a[1]];
+    lattice::centred(Lattice { grid: found.grid, origin: found.origin, a, b }, width, height)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ideal_grids_have_what_was_asked() {
+        for grid in [Grid::HexRows, Grid::HexColumns, Grid::Square] {
+            let found = Lattice { grid, origin: [50.2, 49.1], a: [10.1, 0.3], b: [5.0, 8.9] };
+            let l = ideal_lattice(&found, 10.0, 0.03, 100, 100);
+            assert!((l.pitch() - 10.0).abs() < 1e-12 && (l.rotation() - 0.03).abs() < 1e-12);
+            assert!((l.row_stretch() - 1.0).abs() < 1e-12);
+            assert_eq!(l.grid, grid);
+        }
+    }
+}

@@ -1,0 +1,5 @@
+//! Light a pixel: equal colour channels, hot pixels, the vignetting pattern.
+
+pub mod equalise;
+pub mod hot_pixels;
+pub mod vignetting;

@@ -1,0 +1,60 @@
+//! Which of several images can be used: one bad capture must not cost the user the others.
+
+use super::error::Error;
+use super::options::CalibrationOptions;
+use super::{average, checks};
+use crate::container::Capture;
+use crate::progress::Observer;
+
+/// An image that can be used, and its place in the list given.
+pub type Screened<'a> = (usize, &'a Capture);
+
+/// The images that are sound, lit, and of the camera most of them are of; a note says what was left out and why.
+///
+/// # Errors
+/// Without any, what is wrong with the first; where no camera has most of the images, the first of another one.
+pub fn screen_captures<'a>(
+    captures: &'a [Capture],
+    options: &CalibrationOptions,
+    observer: &dyn Observer,
+) -> Result<Vec<Screened<'a>>, Error> {
+    let (mut kept, mut first_error): (Vec<Screened<'a>>, _) = (Vec::new(), None);
+    for (n, capture) in captures.iter().enumerate() {
+        // A single image is judged where it is averaged.
+        let judged = checks::check_capture(capture, n + 1).and_then(|()| match captures.len() {
+            1 => Ok(()),
+            _ => average::average_captures(std::slice::from_ref(capture), |v| v).map(drop),
+        });
+        match judged {
+            Ok(()) => kept.push((n, capture)),
+            Err(e) => {
+                if captures.len() > 1 {
+                    note_left_out(n, &e, options, observer);
+                }
+                first_error.get_or_insert(e);
+            }
+        }
+    }
+    let camera = |a: &Capture, b: &Capture| checks::check_like(a, b, 0).is_ok();
+    let like = |c: &Capture| kept.iter().filter(|(_, other)| camera(c, other)).count();
+    let Some(&(_, model)) = kept.iter().max_by_key(|(n, c)| (like(c), std::cmp::Reverse(*n))) else {
+        return Err(first_error.unwrap_or(Error::NoImages));
+    };
+    if 2 * like(model) <= kept.len() {
+        checks::check_same_camera(&kept.iter().map(|k| k.1).collect::<Vec<_>>())?;
+    }
+    kept.retain(|(n, c)| match checks::check_like(model, c, n + 1) {
+        Ok(()) => true,
+        Err(e) => {
+            note_left_out(*n, &e, options, observer);
+            false
+        }
+    });
+    Ok(kept)
+}
+
+/// Says which image was left out, by its name where it has one.
+pub fn note_left_out(n: usize, why: &Error, options: &CalibrationOptions, observer: &dyn Observer) {
+    let name = options.names.get(n).cloned().unwrap_or_else(|| format!("image {}", n + 1));
+    observer.note(&format!("{name}: left out: {why}"));
+}

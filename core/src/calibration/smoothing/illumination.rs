@@ -1,0 +1,237 @@
+//! The broad light of the main lens, from the lenslets' own brightness: its slope would pull every paraboloid towards the
+//! sensor's middle, so measuring divides by it.
+
+use crate::calibration::centres::measured::MeasuredLenslet;
+use crate::calibration::linear;
+
+/// Terms of the broad shape: polynomials of degree 4 in x and y.
+const TERMS: usize = 15;
+/// Steepest relative slope that what is left over the broad shape may have, 1/pixel.
+const STEEPEST: f64 = 0.003;
+/// A cell this many times brighter or darker than the broad shape says nothing of the light.
+const ODD: f64 = 1.6;
+/// Reweightings of its fit.
+const ROUNDS: usize = 5;
+
+/// Smooth brightness over the sensor: a broad polynomial times what is left of it on a coarse grid of cells.
+#[derive(Debug, Clone)]
+pub struct Illumination {
+    broad: [f64; TERMS],
+    /// Least the broad shape may be, so that it stays light.
+    least: f64,
+    middle: [f64; 2],
+    half: f64,
+    cell: f64,
+    columns: usize,
+    rows: usize,
+    /// Brightness over the broad shape.
+    values: Vec<f64>,
+}
+
+impl Illumination {
+    /// Robust polynomial through the lenslets' brightness; then medians of what is left over cells of about six lenslets a side,
+    /// holes filled from neighbours, smoothed.
+    pub fn new(measured: &[MeasuredLenslet], width: usize, height: usize, pitch: f64) -> Self {
+        let cell = (6.0 * pitch).max(width.max(height) as f64 / 256.0);
+        let columns = (width as f64 / cell).ceil().max(1.0) as usize;
+        let rows = (height as f64 / cell).ceil().max(1.0) as usize;
+        let middle = [0.5 * (width as f64 - 1.0), 0.5 * (height as f64 - 1.0)];
+        let half = 0.5 * width.max(height) as f64;
+        let lit: Vec<&MeasuredLenslet> = measured.iter().filter(|m| m.usable && m.gain > 0.0).collect();
+        let (broad, least) = fit_broad_shape(&lit, middle, half);
+        let mut field = Illumination { broad, least, middle, half, cell, columns, rows, values: Vec::new() };
+        let mut lists: Vec<Vec<f64>> = vec![Vec::new(); columns * rows];
+        for m in lit {
+            let c = ((m.x / cell).max(0.0) as usize).min(columns - 1);
+            let r = ((m.y / cell).max(0.0) as usize).min(rows - 1);
+            lists[r * columns + c].push(m.gain / field.broad_at(m.x, m.y));
+        }
+        let mut values: Vec<f64> = lists
+            .iter_mut()
+            .map(|l| {
+                l.sort_by(f64::total_cmp);
+                let odd = |v: f64| !(1.0 / ODD..ODD).contains(&v);
+                if l.len() < 4 || odd(l[l.len() / 2]) { f64::NAN } else { l[l.len() / 2] }
+            })
+            .collect();
+        fill_holes(&mut values, columns, rows);
+        for _ in 0..2 {
+            values = smooth_cells(&values, columns, rows);
+        }
+        field.values = values;
+        field
+    }
+
+    fn broad_at(&self, x: f64, y: f64) -> f64 {
+        let p = quartic_terms(self.normalised(x, y));
+        self.broad.iter().zip(p).map(|(c, p)| c * p).sum::<f64>().max(self.least)
+    }
+
+    fn normalised(&self, x: f64, y: f64) -> [f64; 2] {
+        [(x - self.middle[0]) / self.half, (y - self.middle[1]) / self.half]
+    }
+
+    /// What is left over the broad shape, bilinear between the cells' middles, held at the border.
+    fn rest_at(&self, x: f64, y: f64) -> f64 {
+        let u = (x / self.cell - 0.5).clamp(0.0, (self.columns - 1) as f64);
+        let v = (y / self.cell - 0.5).clamp(0.0, (self.rows - 1) as f64);
+        let (c, r) = (u as usize, v as usize);
+        let (c1, r1) = ((c + 1).min(self.columns - 1), (r + 1).min(self.rows - 1));
+        let (fu, fv) = (u - c as f64, v - r as f64);
+        let value = |r: usize, c: usize| self.values[r * self.columns + c];
+        (value(r, c) * (1.0 - fu) + value(r, c1) * fu) * (1.0 - fv)
+            + (value(r1, c) * (1.0 - fu) + value(r1, c1) * fu) * fv
+    }
+
+    /// Brightness at (`x`, `y`).
+    pub fn brightness_at(&self, x: f64, y: f64) -> f64 {
+        self.broad_at(x, y) * self.rest_at(x, y)
+    }
+
+    /// Relative slope (∂F/∂x, ∂F/∂y)/F at (`x`, `y`), 1/pixel; what is left over a cell's distance, one-sided at the border.
+    pub fn relative_slope(&self, x: f64, y: f64) -> [f64; 2] {
+        let (right, bottom) = ((self.columns as f64 - 0.5) * self.cell, (self.rows as f64 - 0.5) * self.cell);
+        let bounds = |p: f64, end: f64| {
+            let (low, high) = ((p - self.cell).max(0.5 * self.cell), (p + self.cell).min(end));
+            if high - low > 0.5 * self.cell { Some((low, high)) } else { None }
+        };
+        let here = self.rest_at(x, y);
+        let rest = |range: Option<(f64, f64)>, horizontal: bool| {
+            let Some((low, high)) = range else { return 0.0 };
+            let (a, b) = if horizontal {
+                (self.rest_at(low, y), self.rest_at(high, y))
+            } else {
+                (self.rest_at(x, low), self.rest_at(x, high))
+            };
+            let slope = (b - a) / ((high - low) * here);
+            // Steeper is no light's slope but the rim of a shadow or of dead lenslets.
+            if slope.abs() < STEEPEST { slope } else { 0.0 }
+        };
+        let broad = self.broad_at(x, y);
+        let step = 1.0;
+        let along =
+            |dx: f64, dy: f64| (self.broad_at(x + dx, y + dy) - self.broad_at(x - dx, y - dy)) / (2.0 * step * broad);
+        [along(step, 0.0) + rest(bounds(x, right), true), along(0.0, step) + rest(bounds(y, bottom), false)]
+            .map(|s| s.clamp(-0.05, 0.05))
+    }
+
+    /// Brightness reached by the brightest hundredth of the sensor: full light.
+    pub fn full_light(&self) -> f64 {
+        let mut all: Vec<f64> = (0..self.values.len())
+            .map(|k| {
+                let (x, y) = ((k % self.columns) as f64 + 0.5, (k / self.columns) as f64 + 0.5);
+                self.values[k] * self.broad_at(x * self.cell, y * self.cell)
+            })
+            .collect();
+        all.sort_by(f64::total_cmp);
+        all[(all.len() * 99 / 100).min(all.len() - 1)]
+    }
+}
+
+fn quartic_terms([x, y]: [f64; 2]) -> [f64; TERMS] {
+    let (x2, y2) = (x * x, y * y);
+    [1.0, x, y, x2, x * y, y2, x2 * x, x2 * y, x * y2, y2 * y, x2 * x2, x2 * x * y, x2 * y2, x * y2 * y, y2 * y2]
+}
+
+/// Robust polynomial through the brightness, and the least it may be; of a lower degree where there are too few lenslets for more.
+fn fit_broad_shape(lit: &[&MeasuredLenslet], middle: [f64; 2], half: f64) -> ([f64; TERMS], f64) {
+    let mut gains: Vec<f64> = lit.iter().map(|m| m.gain).collect();
+    gains.sort_by(f64::total_cmp);
+    let median = gains.get(gains.len() / 2).copied().unwrap_or(1.0);
+    let least = 0.02 * gains.get(gains.len() * 9 / 10).copied().unwrap_or(1.0);
+    let mut terms = [0f64; TERMS];
+    terms[0] = median;
+    // Few lenslets bear a polynomial of degree 2, very few none.
+    let used = match lit.len() {
+        0..60 => return (terms, least),
+        60..300 => 6,
+        _ => TERMS,
+    };
+    let step = (lit.len() / 20_000).max(1);
+    let mut scale = median;
+    for _ in 0..ROUNDS {
+        let mut normal = [[0f64; TERMS]; TERMS];
+        let mut right = [0f64; TERMS];
+        let mut offs = Vec::new();
+        for (n, m) in lit.iter().enumerate() {
+            // Not every `step`th: rows have a length of their own, and must not beat with it.
+            if n % step != (n / 89) % step {
+                continue;
+            }
+            let p = quartic_terms([(m.x - middle[0]) / half, (m.y - middle[1]) / half]);
+            let off = m.gain - terms.iter().zip(p).map(|(c, p)| c * p).sum::<f64>();
+            offs.push(off.abs());
+            let w = 1.0 / (1.0 + (off / scale).powi(2)).powi(2);
+            for a in 0..used {
+                for b in 0..used {
+                    normal[a][b] += w * p[a] * p[b];
+                }
+                right[a] += w * p[a] * m.gain;
+            }
+        }
+        (used..TERMS).for_each(|k| normal[k][k] = 1.0);
+        let Some(fitted) = linear::solve(normal, right) else { return (terms, least) };
+        terms = fitted;
+        let middle = offs.len() / 2;
+        scale = (3.0 * *offs.select_nth_unstable_by(middle, f64::total_cmp).1).max(1e-3 * median);
+    }
+    (terms, least)
+}
+
+fn fill_holes(values: &mut Vec<f64>, columns: usize, rows: usize) {
+    for _ in 0..columns + rows {
+        if values.iter().all(|v| v.is_finite()) {
+            return;
+        }
+        *values = fill_holes_once(values, columns, rows);
+    }
+    for v in values.iter_mut().filter(|v| !v.is_finite()) {
+        *v = 1.0;
+    }
+}
+
+fn neighbour_sum(values: &[f64], columns: usize, rows: usize, k: usize) -> (f64, f64) {
+    let (r, c) = ((k / columns) as i64, (k % columns) as i64);
+    let (mut sum, mut weight) = (0.0, 0.0);
+    for dr in -1..=1i64 {
+        for dc in -1..=1i64 {
+            let (r, c) = (r + dr, c + dc);
+            if r < 0 || c < 0 || r >= rows as i64 || c >= columns as i64 {
+                continue;
+            }
+            let v = values[r as usize * columns + c as usize];
+            if v.is_finite() {
+                let w = f64::from((2 - dr.abs() as i32) * (2 - dc.abs() as i32));
+                sum += w * v;
+                weight += w;
+            }
+        }
+    }
+    (sum, weight)
+}
+
+fn fill_holes_once(values: &[f64], columns: usize, rows: usize) -> Vec<f64> {
+    (0..values.len())
+        .map(|k| {
+            if values[k].is_finite() {
+                return values[k];
+            }
+            let (sum, weight) = neighbour_sum(values, columns, rows, k);
+            if weight > 0.0 { sum / weight } else { f64::NAN }
+        })
+        .collect()
+}
+
+fn smooth_cells(values: &[f64], columns: usize, rows: usize) -> Vec<f64> {
+    (0..values.len())
+        .map(|k| {
+            let (c, r) = (k % columns, k / columns);
+            // The rim keeps its values: a one-sided mean would flatten the slope there.
+            if c == 0 || r == 0 || c + 1 == columns || r + 1 == rows {
+                return values[k];
+            }
+            let (sum, weight) = neighbour_sum(values, columns, rows, k);
+            sum / weight
+        })
+        .collect()
+}

@@ -1,0 +1,232 @@
+//! Each centre = lattice prediction + residual · trust, with trust = τ² / (τ² + σ²): τ² is the true scatter of lenslets about the
+//! lattice, σ² the variance of a lenslet's measurement. Both are estimated from the image: σ² from how well the profile fits
+//! lenslets of like brightness, τ² by maximum likelihood over all residuals; of τ², only what neighbours do not share counts
+//! as the lenslets' own. (Goes past paper section 3.2.)
+
+use crate::calibration::centres::measured::MeasuredLenslet;
+use crate::calibration::linear;
+use crate::calibration::model::Lattice;
+
+/// Residuals beyond this many standard deviations are no lenslets' scatter but dust, dead lenslets, reflections.
+const OUTLIER: f64 = 6.0;
+/// A fit this many times worse than its like is not believed.
+const BAD_FIT: f64 = 5.0;
+/// Terms of the smooth distortion: polynomials of degree 3 in x and y.
+const TERMS: usize = 10;
+
+/// Final centres and what was learnt on the way.
+#[derive(Debug, Clone)]
+pub struct ShrunkCentres {
+    /// Centre and trust of each measured lenslet, in order.
+    pub centres: Vec<([f64; 2], f32)>,
+    /// Share of lenslets whose measurement was rejected.
+    pub rejected: f64,
+    /// RMS distance of accepted measured centres from the lattice, pixels.
+    pub residual_rms: f64,
+    /// Scatter of the lenslets themselves an axis, pixels.
+    pub scatter: f64,
+    /// Typical standard deviation of a measurement an axis, pixels.
+    pub noise: f64,
+}
+
+/// Median misfit of lenslets of like brightness, as a table over brightness ranks.
+struct MisfitTable {
+    edges: Vec<f64>,
+    levels: Vec<f64>,
+}
+
+impl MisfitTable {
+    fn new(measured: &[MeasuredLenslet]) -> Self {
+        let mut order: Vec<(f64, f64)> = measured.iter().filter(|m| m.usable).map(|m| (m.gain, m.misfit)).collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        let bins = (order.len() / 200).clamp(1, 32);
+        let (mut edges, mut levels) = (Vec::new(), Vec::new());
+        for k in 0..bins {
+            let (from, to) = (k * order.len() / bins, (k + 1) * order.len() / bins);
+            let part = &mut order[from..to];
+            let Some(last) = part.last() else { continue };
+            edges.push(last.0);
+            let half = part.len() / 2;
+            part.sort_by(|a, b| a.1.total_cmp(&b.1));
+            levels.push(part[half].1);
+        }
+        // Where the lattice runs past the light, the darkest bins are nothing but noise; they stay as they are.
+        MisfitTable { edges, levels }
+    }
+
+    fn at(&self, gain: f64) -> f64 {
+        let k = self.edges.partition_point(|&e| e < gain).min(self.levels.len().saturating_sub(1));
+        self.levels.get(k).copied().unwrap_or(f64::INFINITY)
+    }
+}
+
+/// Shrinks the measured centres towards the lattice (plus a smooth distortion) by what the image knows of each.
+pub fn shrink_centres(lattice: &Lattice, measured: &[MeasuredLenslet], width: usize, height: usize) -> ShrunkCentres {
+    let noise = MisfitTable::new(measured);
+    let variances: Vec<[f64; 2]> = measured
+        .iter()
+        .map(|m| {
+            let level = noise.at(m.gain).max(1e-12);
+            let own = if m.misfit > BAD_FIT * level || !m.usable { f64::INFINITY } else { level };
+            m.unit.map(|u| u * own)
+        })
+        .collect();
+    let mut rests: Vec<[f64; 2]> = measured
+        .iter()
+        .map(|m| {
+            let c = lattice.centre(m.i, m.j);
+            [m.x - c[0], m.y - c[1]]
+        })
+        .collect();
+    let mut accepted: Vec<bool> = variances.iter().map(|v| v.iter().all(|v| v.is_finite())).collect();
+    let (mut tau, mut smooth) = (0.0, [[0f64; TERMS]; 2]);
+    let raw = rests.clone();
+    for _ in 0..3 {
+        tau = estimate_scatter(&rests, &variances, &accepted);
+        for ((ok, r), v) in accepted.iter_mut().zip(&rests).zip(&variances) {
+            *ok = (0..2).all(|k| v[k].is_finite() && r[k] * r[k] <= OUTLIER * OUTLIER * (tau + v[k]).max(1e-8));
+        }
+        smooth = fit_distortion(measured, &raw, &variances, &accepted, tau, width, height);
+        for ((rest, m), raw) in rests.iter_mut().zip(measured).zip(&raw) {
+            let d = evaluate_distortion(&smooth, lattice.centre(m.i, m.j), width, height);
+            *rest = [raw[0] - d[0], raw[1] - d[1]];
+        }
+    }
+    // Lenslets are placed one by one: what neighbours in a row share beyond the smooth distortion is not theirs but a
+    // scene's, a reflection's, a film of dust's, and counts as noise.
+    let shared = tau * shared_scatter(measured, &rests, &accepted, tau);
+    let mut sum = 0.0;
+    let mut noise_sum = 0.0;
+    let count = accepted.iter().filter(|&&ok| ok).count();
+    let centres = measured
+        .iter()
+        .zip(&rests)
+        .zip(&variances)
+        .zip(&accepted)
+        .zip(&raw)
+        .map(|((((m, rest), v), &ok), raw)| {
+            let c = lattice.centre(m.i, m.j);
+            let d = evaluate_distortion(&smooth, c, width, height);
+            let trust = if ok { [0, 1].map(|k| (tau - shared) / (tau + v[k])) } else { [0.0; 2] };
+            if ok {
+                sum += raw[0] * raw[0] + raw[1] * raw[1];
+                noise_sum += shared + 0.5 * (v[0] + v[1]);
+            }
+            let at = [c[0] + d[0] + trust[0] * rest[0], c[1] + d[1] + trust[1] * rest[1]];
+            (at, (0.5 * (trust[0] + trust[1])) as f32)
+        })
+        .collect();
+    let n = count.max(1) as f64;
+    ShrunkCentres {
+        centres,
+        rejected: 1.0 - count as f64 / measured.len().max(1) as f64,
+        residual_rms: (sum / n).sqrt(),
+        scatter: (tau - shared).max(0.0).sqrt(),
+        noise: (noise_sum / n).sqrt(),
+    }
+}
+
+/// Share of the scatter that neighbours of a row have in common, 0..1: mean product of their residuals over τ².
+fn shared_scatter(measured: &[MeasuredLenslet], rests: &[[f64; 2]], accepted: &[bool], tau: f64) -> f64 {
+    let (mut sum, mut count) = (0.0, 0usize);
+    for k in 1..measured.len() {
+        let (m, n) = (&measured[k - 1], &measured[k]);
+        if accepted[k - 1] && accepted[k] && (m.j, m.i + 1) == (n.j, n.i) {
+            sum += 0.5 * (rests[k - 1][0] * rests[k][0] + rests[k - 1][1] * rests[k][1]);
+            count += 1;
+        }
+    }
+    // Fewer pairs tell nothing surer than a tenth.
+    if count < 100 || tau <= 0.0 { 0.0 } else { (sum / count as f64 / tau).clamp(0.0, 1.0) }
+}
+
+/// τ² that makes the residuals most likely: Σ (r² − τ² − σ²)/(τ² + σ²)² = 0, by bisection.
+fn estimate_scatter(rests: &[[f64; 2]], variances: &[[f64; 2]], accepted: &[bool]) -> f64 {
+    let mut squares: Vec<f64> = Vec::with_capacity(rests.len());
+    for (r, &ok) in rests.iter().zip(accepted) {
+        if ok {
+            squares.push(r[0] * r[0] + r[1] * r[1]);
+        }
+    }
+    if squares.len() < 20 {
+        return 0.0;
+    }
+    let half = squares.len() / 2;
+    let median = *squares.select_nth_unstable_by(half, f64::total_cmp).1;
+    // Far residuals must not raise τ²: beyond four robust standard deviations they say nothing here.
+    let far = 16.0 * median / 1.386;
+    let score = |t: f64| {
+        let mut sum = 0.0;
+        for ((r, v), &ok) in rests.iter().zip(variances).zip(accepted) {
+            if ok && r[0] * r[0] + r[1] * r[1] <= far {
+                for k in 0..2 {
+                    let total = t + v[k] + 1e-12;
+                    sum += (r[k] * r[k] - total) / (total * total);
+                }
+            }
+        }
+        sum
+    };
+    if score(0.0) <= 0.0 {
+        return 0.0;
+    }
+    let (mut low, mut high) = (0.0, median.max(1e-12));
+    for _ in 0..60 {
+        if score(high) > 0.0 {
+            (low, high) = (high, 2.0 * high);
+        } else {
+            break;
+        }
+    }
+    for _ in 0..30 {
+        let middle = 0.5 * (low + high);
+        if score(middle) > 0.0 { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
+}
+
+fn cubic_terms(c: [f64; 2], width: usize, height: usize) -> [f64; TERMS] {
+    let half = 0.5 * width.max(height) as f64;
+    let (x, y) = (c[0] / half - width as f64 / (2.0 * half), c[1] / half - height as f64 / (2.0 * half));
+    [1.0, x, y, x * x, x * y, y * y, x * x * x, x * x * y, x * y * y, y * y * y]
+}
+
+fn evaluate_distortion(smooth: &[[f64; TERMS]; 2], c: [f64; 2], width: usize, height: usize) -> [f64; 2] {
+    let p = cubic_terms(c, width, height);
+    [0, 1].map(|k| smooth[k].iter().zip(&p).map(|(a, b)| a * b).sum())
+}
+
+/// Smooth distortion left after the lattice, weighted least squares; nothing with too few lenslets to tell.
+fn fit_distortion(
+    measured: &[MeasuredLenslet],
+    rests: &[[f64; 2]],
+    variances: &[[f64; 2]],
+    accepted: &[bool],
+    tau: f64,
+    width: usize,
+    height: usize,
+) -> [[f64; TERMS]; 2] {
+    let mut normal = [[[0f64; TERMS]; TERMS]; 2];
+    let mut right = [[0f64; TERMS]; 2];
+    let mut count = 0usize;
+    for (((m, r), v), &ok) in measured.iter().zip(rests).zip(variances).zip(accepted) {
+        if !ok {
+            continue;
+        }
+        count += 1;
+        let p = cubic_terms([m.x, m.y], width, height);
+        for k in 0..2 {
+            let w = 1.0 / (tau + v[k] + 1e-12);
+            for a in 0..TERMS {
+                for b in 0..TERMS {
+                    normal[k][a][b] += w * p[a] * p[b];
+                }
+                right[k][a] += w * p[a] * r[k];
+            }
+        }
+    }
+    if count < 2000 {
+        return [[0.0; TERMS]; 2];
+    }
+    [0, 1].map(|k| linear::solve(normal[k], right[k]).unwrap_or([0.0; TERMS]))
+}
