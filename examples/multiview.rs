@@ -17,6 +17,7 @@ use lenslet_core::decode::{HexSamples, npz};
 use lenslet_core::dictionary::Interpolation;
 use lenslet_core::lightfield::{self, ColourSpace, LightField, ReadOptions, colour};
 use lenslet_core::metrics::{self, BORDER, Scores, Window};
+use lenslet_core::pfm;
 use lenslet_core::progress::Silent;
 use lenslet_core::sampling::{DEFAULT_PITCH, DEFAULT_ROTATION, Footprint, lattice_samples};
 use lenslet_views::Target;
@@ -269,7 +270,7 @@ fn resampled(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
     });
     if let Some(path) = &a.disparity {
         // The benchmark counts disparity the other way round.
-        let truth = relief::read_pfm(&std::fs::read(path)?)?.mapv(|d| -d);
+        let truth = pfm::from_bytes(&std::fs::read(path)?)?.mapv(|d| -d);
         out["disparity"] = disparity_errors(&rendered.surfaces.middle.disparity, &truth, &truths[0]);
         out["agreement"] = agreement(&rendered, &truth, samples.views)?;
     }

@@ -13,6 +13,7 @@ pub mod interpolation;
 pub mod lightfield;
 pub mod metrics;
 pub mod output;
+pub mod pfm;
 pub mod progress;
 pub mod sampling;
 pub mod sparse;

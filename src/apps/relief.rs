@@ -1,4 +1,4 @@
-//! Disparity put to use: as colours, as PFM, as a point cloud.
+//! Disparity put to use: as colours, as a point cloud.
 
 use anyhow::{Result, ensure};
 use ndarray::{Array2, ArrayView2};
@@ -26,50 +26,6 @@ pub fn colours(values: &ArrayView2<f32>, range: (f32, f32)) -> Picture {
         rgb.extend((0..3).map(|c| (STOPS[k][c] * (1.0 - f) + STOPS[k + 1][c] * f + 0.5) as u8));
     }
     Picture { width, height, rgb }
-}
-
-/// A PFM file's bytes: 32-bit little-endian floats, bottom row first.
-pub fn pfm(values: &Array2<f32>) -> Vec<u8> {
-    let (height, width) = values.dim();
-    let mut bytes = format!("Pf\n{width} {height}\n-1.0\n").into_bytes();
-    for row in values.outer_iter().rev() {
-        for v in row {
-            bytes.extend_from_slice(&v.to_le_bytes());
-        }
-    }
-    bytes
-}
-
-/// Reads a one-channel PFM, either byte order; top row first in the result.
-///
-/// # Errors
-/// When the bytes are not a PFM of that many pixels.
-pub fn read_pfm(bytes: &[u8]) -> Result<Array2<f32>> {
-    let mut words = Vec::new();
-    let mut at = 0;
-    while words.len() < 4 {
-        while bytes.get(at).is_some_and(u8::is_ascii_whitespace) {
-            at += 1;
-        }
-        let end = bytes[at..].iter().position(u8::is_ascii_whitespace).map(|n| at + n);
-        let Some(end) = end.filter(|&e| e > at && e - at < 32) else {
-            anyhow::bail!("not a PFM file: the header ends early")
-        };
-        words.push(std::str::from_utf8(&bytes[at..end])?);
-        at = end;
-    }
-    ensure!(words[0] == "Pf", "not a one-channel PFM file");
-    let (width, height): (usize, usize) = (words[1].parse()?, words[2].parse()?);
-    let little = words[3].parse::<f32>()? < 0.0;
-    let data = &bytes[at + 1..];
-    let count = width.checked_mul(height).filter(|&n| n > 0 && n.checked_mul(4) == Some(data.len()));
-    ensure!(count.is_some(), "the PFM says {width}x{height} but holds {} bytes", data.len());
-    let value = |b: &[u8]| {
-        let b = [b[0], b[1], b[2], b[3]];
-        if little { f32::from_le_bytes(b) } else { f32::from_be_bytes(b) }
-    };
-    let values: Vec<f32> = data.chunks_exact(4 * width).rev().flat_map(|row| row.chunks_exact(4).map(value)).collect();
-    Ok(Array2::from_shape_vec((height, width), values)?)
 }
 
 /// A binary PLY point cloud: x right, y up, z towards the viewer, in pixels of the view, `depth` pixels from the furthest to
@@ -116,22 +72,6 @@ pub fn ply(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn pfm_reads_back() {
-        let values = Array2::from_shape_fn((3, 5), |(t, s)| t as f32 * 0.5 - s as f32);
-        assert_eq!(read_pfm(&pfm(&values)).unwrap(), values);
-        for bad in [
-            &b""[..],
-            b"Pf",
-            b"Pf\n3 3\n-1\n1234",
-            b"PF\n1 1\n-1\n123412341234",
-            b"Pf\n99999999999 99999999999\n-1\n",
-            b"Pf\n0 0\n-1\n",
-        ] {
-            assert!(read_pfm(bad).is_err(), "{bad:?}");
-        }
-    }
 
     #[test]
     fn a_cloud_has_one_point_a_confident_pixel() {

@@ -6,6 +6,7 @@ use anyhow::Context as _;
 use lenslet::apps::{picture, relief};
 use lenslet::disparity;
 use lenslet_core::output::Pending;
+use lenslet_core::pfm;
 use lenslet_core::progress::Observer;
 use lenslet_views::multiview::front_of;
 use ndarray::{Array2, s};
@@ -100,8 +101,8 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         std::fs::write(pending.path().join(name), bytes)
             .with_context(|| format!("cannot write {}", args.out.join(name).display()))
     };
-    write("disparity.pfm", relief::pfm(&found.disparity))?;
-    write("confidence.pfm", relief::pfm(&found.confidence))?;
+    write("disparity.pfm", pfm::to_bytes(found.disparity.view()))?;
+    write("confidence.pfm", pfm::to_bytes(found.confidence.view()))?;
     write("disparity.png", picture::png_grey16(&found.disparity.mapv(|d| (d - lo) / span))?)?;
     write("colours.png", picture::png(&relief::colours(&near.view(), ends))?)?;
     write("points.ply", relief::ply(&found.disparity, &found.confidence, &middle, front, depth, args.confident)?)?;
@@ -120,7 +121,7 @@ fn compare(path: &Path, args: &Args, found: &disparity::Disparity) -> anyhow::Re
     let mut truth: Array2<f32> = if super::refocus::ending(path) == "npy" {
         ndarray_npy::read_npy(path).with_context(|| format!("{name} is not an .npy of two dimensions of f32"))?
     } else {
-        relief::read_pfm(&std::fs::read(path).with_context(|| format!("cannot read {name}"))?)
+        pfm::from_bytes(&std::fs::read(path).with_context(|| format!("cannot read {name}"))?)
             .with_context(|| format!("{name}"))?
     };
     truth.mapv_inplace(|d| d * args.truth_scale);

@@ -13,6 +13,7 @@ use super::references::{Reference, collect};
 use super::segments::{Container, HEADER, Kind, MAGIC};
 use super::{Error, depth, file, json as paths};
 use crate::output::Pending;
+use crate::pfm;
 use crate::progress::Observer;
 
 /// Bytes copied at once.
@@ -208,7 +209,7 @@ fn depth_files(
     warnings: &mut Vec<String>,
 ) -> Result<Vec<Extracted>, Error> {
     let bytes = item.member.read(1 << 30)?;
-    let Some(planes) = depth::planes(&bytes, size) else {
+    let Some(planes) = depth::read_depth_planes(&bytes, size) else {
         warnings.push(format!(
             "{raw_name}: {} bytes do not hold {}x{} depths; only saved as they are",
             bytes.len(),
@@ -219,9 +220,9 @@ fn depth_files(
     };
     let mut out = Vec::new();
     for (plane, word) in planes.iter().zip(["depth", "confidence"]) {
-        let (picture, range) = depth::png(plane, size)
+        let (picture, range) = depth::depth_png(plane.view())
             .ok_or_else(|| Error::malformed(&item.member.path, "a depth map that cannot be a picture"))?;
-        for (extension, bytes) in [("pfm", depth::pfm(plane, size)), ("png", picture)] {
+        for (extension, bytes) in [("pfm", pfm::to_bytes(plane.view())), ("png", picture)] {
             let name = names.unique(&format!("{word}.{extension}"));
             let target = inside(folder, &name);
             std::fs::write(&target, &bytes).map_err(|source| Error::Io { path: target, source })?;
