@@ -1,6 +1,7 @@
 //! The size at which views are rendered, and where rendered views go.
 
 use lenslet_core::decode::HexSamples;
+use lenslet_core::lightfield::View;
 use ndarray::Array3;
 
 use crate::Error;
@@ -36,5 +37,8 @@ pub fn pitch(samples: &HexSamples) -> f64 {
     (area / samples.centres.len().max(1) as f64 / (3f64.sqrt() / 2.0)).sqrt()
 }
 
-/// Where views go: (row v, column u, counted from 0; the view (t, s, c) in linear light). The sink's error type is the caller's.
-pub type Sink<'a, E = Error> = &'a mut dyn FnMut(usize, usize, &Array3<f32>) -> Result<(), E>;
+/// Where rendered views go: (row v, column u, counted from 0; the view). The sink's error type is the caller's.
+pub type Sink<'a, E = Error> = &'a mut dyn FnMut(usize, usize, View) -> Result<(), E>;
+
+/// As [`Sink`], for pixels (t, s, c) whose colour space is that of what they were made of.
+pub type PixelSink<'a, E = Error> = &'a mut dyn FnMut(usize, usize, Array3<f32>) -> Result<(), E>;

@@ -4,6 +4,7 @@
 
 pub mod colour;
 mod directory;
+mod encode;
 mod eslf;
 mod image_file;
 mod mat;
@@ -12,12 +13,15 @@ mod number;
 mod numbered;
 mod queue;
 mod strided;
+mod view;
 
 use std::path::Path;
 use std::str::FromStr;
 
 use ndarray::{Array3, Array5, s};
 use serde::{Deserialize, Serialize};
+
+pub use view::{Encoding, Linear, Srgb, View};
 
 /// Most views along one axis.
 pub const MAX_VIEWS: usize = 1024;

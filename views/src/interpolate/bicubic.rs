@@ -4,30 +4,32 @@ use lenslet_core::decode::HexSamples;
 use lenslet_core::sampling::{Weights, bicubic};
 use ndarray::{Array3, ArrayView2};
 
+use super::interpolator::ViewInterpolator;
 use crate::Error;
 use crate::target::Target;
 
-/// What the two passes need.
+/// The low-resolution grid's table, and the size of the result.
 #[derive(Debug, Clone)]
-pub struct Prepared {
+pub struct Bicubic {
     low: Weights,
     target: Target,
 }
 
-/// The low-resolution grid's table.
-///
-/// # Errors
-/// Centres that cannot be triangulated.
-pub fn prepare(samples: &HexSamples, target: &Target) -> Result<Prepared, Error> {
-    let low = Target::native(samples);
-    Ok(Prepared { low: Weights::new(&samples.centres, samples.sensor, (low.width, low.height))?, target: *target })
+impl Bicubic {
+    /// The table of the low-resolution grid for the centres of `samples`.
+    ///
+    /// # Errors
+    /// Centres that cannot be triangulated.
+    pub fn prepare(samples: &HexSamples, target: &Target) -> Result<Self, Error> {
+        let low = Target::native(samples);
+        let low = Weights::new(&samples.centres, samples.sensor, (low.width, low.height))?;
+        Ok(Bicubic { low, target: *target })
+    }
 }
 
-/// One view (t, s, c) from its values (lenslets, c).
-///
-/// # Errors
-/// Values that do not belong to the table, a target out of range.
-pub fn view(prepared: &Prepared, values: ArrayView2<'_, f32>) -> Result<Array3<f32>, Error> {
-    let low = prepared.low.apply(values)?;
-    Ok(bicubic::resize(low.view(), prepared.target.width, prepared.target.height)?)
+impl ViewInterpolator for Bicubic {
+    fn interpolate_view(&self, values: ArrayView2<'_, f32>) -> Result<Array3<f32>, Error> {
+        let low = self.low.apply(values)?;
+        Ok(bicubic::resize(low.view(), self.target.width, self.target.height)?)
+    }
 }

@@ -1,13 +1,14 @@
 //! Whole light fields, view after view.
 
 use lenslet_core::decode::HexSamples;
-use lenslet_core::dictionary::Interpolation;
-use lenslet_core::lightfield::{ColourSpace, Meta, ViewSink, ViewSource, colour};
+use lenslet_core::interpolation::Interpolation;
+use lenslet_core::lightfield::{ColourSpace, Meta, Srgb, View, ViewSink, ViewSource, colour};
 use lenslet_core::progress::Observer;
 use lenslet_core::sampling::bicubic;
 use ndarray::{Array3, Axis};
 
-use super::{DataConsistent, Reconstructor};
+use super::data_consistent::DataConsistent;
+use super::reconstructor::Reconstructor;
 use crate::Error;
 use crate::error::{ensure_parameter, ensure_shape};
 
@@ -44,7 +45,7 @@ impl Enlargement {
 /// # Errors
 /// Views that cannot be read or written, samples of other views, a factor out of range, interruption
 /// ([`Error::Interrupted`]).
-pub fn light_field(
+pub fn reconstruct_light_field(
     source: &dyn ViewSource,
     sink: &mut dyn ViewSink,
     to: ColourSpace,
@@ -61,14 +62,14 @@ pub fn light_field(
     let size = enlargement.size(meta.size);
     let base =
         if meta.method.as_deref() == Some("multiview") { Interpolation::Multiview } else { Interpolation::Barycentric };
-    let faithful = match samples {
+    let consistent = match samples {
         Some((samples, noise)) => {
             ensure_shape!(
                 samples.views == rows && samples.views == columns && samples.values.dim().0 == rows * columns,
                 "the samples are of {0}x{0} views, the light field has {rows}x{columns}",
                 samples.views
             );
-            Some((DataConsistent::new(reconstructor, samples, base, (size[1], size[0]), noise)?, samples))
+            Some((DataConsistent::new(reconstructor.clone(), samples, base, (size[1], size[0]), noise)?, samples))
         }
         None => None,
     };
@@ -78,11 +79,12 @@ pub fn light_field(
             observer.check()?;
             let mut view = source.read(v, u)?;
             colour::convert(&mut view, meta.colour, ColourSpace::Srgb);
-            let low = enlargement.apply(view)?;
-            let mut sharp = match &faithful {
-                Some((f, samples)) => f.view(&low, samples.values.index_axis(Axis(0), v * columns + u))?,
-                None => reconstructor.view(&low)?,
-            };
+            let low = View::<Srgb>::new(enlargement.apply(view)?);
+            let mut sharp = match &consistent {
+                Some((f, samples)) => f.reconstruct_view(&low, samples.values.index_axis(Axis(0), v * columns + u))?,
+                None => reconstructor.reconstruct_view(&low)?,
+            }
+            .into_pixels();
             colour::convert(&mut sharp, ColourSpace::Srgb, to);
             sink.write(v, u, &sharp)?;
             observer.advance(1);

@@ -1,11 +1,11 @@
-//! SamplingOperator samples stay true: z ← z + U(y − S z), where S takes the samples out of a plane as the camera does, and U
+//! Measured samples stay true: z ← z + U(y − S z), where S takes the samples out of a plane as the camera does, and U
 //! interpolates what is missing. A few rounds bring S z to y.
 
 use lenslet_core::dictionary::Footprint;
 use lenslet_core::sampling::{self, Weights, sample_image};
 use ndarray::{Array2, ArrayView1, Axis};
 
-/// What was measured, placed in the output plane.
+/// The camera as an operator on the output plane: where it samples, and what each sample sees.
 #[derive(Debug, Clone)]
 pub struct SamplingOperator {
     centres: Vec<[f64; 2]>,
@@ -33,7 +33,7 @@ impl SamplingOperator {
         Ok(SamplingOperator { centres, table, footprint })
     }
 
-    /// What interpolation makes of a value a place.
+    /// Interpolates one value a place to the whole plane.
     ///
     /// # Errors
     /// Another number of values.
@@ -60,12 +60,12 @@ impl SamplingOperator {
 /// Shapes that do not belong together.
 pub fn back_project(
     plane: &Array2<f32>,
-    measured: &SamplingOperator,
+    operator: &SamplingOperator,
     values: ArrayView1<'_, f32>,
     rounds: usize,
     noise: &[f32],
 ) -> Result<(Array2<f32>, f32), sampling::Error> {
-    let n = measured.centres.len();
+    let n = operator.centres.len();
     if values.len() != n || !(noise.is_empty() || noise.len() == n) {
         return Err(sampling::Error::Shape(format!(
             "{} values and {} of noise for {n} measured places",
@@ -74,11 +74,11 @@ pub fn back_project(
         )));
     }
     let mut current = plane.clone();
-    let mut rest = difference(&current, measured, values, noise)?;
+    let mut rest = difference(&current, operator, values, noise)?;
     for _ in 0..rounds {
-        let correction = measured.table.apply(rest.view())?;
+        let correction = operator.table.apply(rest.view())?;
         let next = &current + &correction.index_axis(Axis(2), 0);
-        let after = difference(&next, measured, values, noise)?;
+        let after = difference(&next, operator, values, noise)?;
         let energy = |a: &Array2<f32>| a.iter().map(|v| f64::from(v * v)).sum::<f64>();
         // Where a footprint is so wide that the rounds do not converge, the best plane so far is kept.
         if !(energy(&after) < energy(&rest)) {
@@ -91,11 +91,11 @@ pub fn back_project(
 
 fn difference(
     plane: &Array2<f32>,
-    measured: &SamplingOperator,
+    operator: &SamplingOperator,
     values: ArrayView1<'_, f32>,
     noise: &[f32],
 ) -> Result<Array2<f32>, sampling::Error> {
-    let mut rest = measured.sample(plane)?;
+    let mut rest = operator.sample(plane)?;
     for (k, (r, v)) in rest.iter_mut().zip(values).enumerate() {
         let d = v - *r;
         let allowed = noise.get(k).copied().unwrap_or(0.0);
@@ -119,17 +119,17 @@ mod tests {
         ] {
             let (placed, values) =
                 lattice_samples(truth.view().insert_axis(Axis(2)), 3.3, 0.002, [0.2, 0.6], core).unwrap();
-            let measured = SamplingOperator::new(placed.centres, footprint, 3.3, (90, 80)).unwrap();
+            let operator = SamplingOperator::new(placed.centres, footprint, 3.3, (90, 80)).unwrap();
             let start = Array2::from_elem((80, 90), 0.5);
-            let (result, left) = back_project(&start, &measured, values.column(0), 12, &[]).unwrap();
+            let (result, left) = back_project(&start, &operator, values.column(0), 12, &[]).unwrap();
             assert!(left < tolerance, "{footprint}: {left}");
             let error = |p: &Array2<f32>| (p - &truth).mapv(|v| v * v).mean().unwrap();
             assert!(error(&result) < 0.2 * error(&start));
             // Differences within the noise are left alone.
             let noise = vec![1.0; values.nrows()];
-            let (same, _) = back_project(&start, &measured, values.column(0), 5, &noise).unwrap();
+            let (same, _) = back_project(&start, &operator, values.column(0), 5, &noise).unwrap();
             assert_eq!(same, start);
-            assert!(back_project(&start, &measured, values.column(0), 5, &noise[1..]).is_err());
+            assert!(back_project(&start, &operator, values.column(0), 5, &noise[1..]).is_err());
         }
         assert!(SamplingOperator::new(vec![[0.0, 0.0]], Footprint::Point, 3.3, (9, 9)).is_err());
     }

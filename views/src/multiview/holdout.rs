@@ -1,14 +1,14 @@
 //! A score with no ground truth: hide some lenslets of a real capture, render from the rest, measure where they were.
 
-use crate::Error;
-use crate::error::ensure_shape;
 use lenslet_core::decode::HexSamples;
 use lenslet_core::sampling::bicubic;
 use ndarray::{Array3, Axis};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
-use crate::target::Target;
+use crate::Error;
+use crate::error::ensure_shape;
+use crate::target::{Target, pitch};
 
 /// How well hidden lenslets were foretold.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,7 +63,7 @@ pub fn hidden_score<E: From<Error>>(
         image.dim()
     );
     let (fx, fy) = (target.width as f64 / samples.sensor.0 as f64, target.height as f64 / samples.sensor.1 as f64);
-    let margin = 2.0 * crate::target::pitch(samples);
+    let margin = 2.0 * pitch(samples);
     let (mut sum, mut count) = (0f64, 0usize);
     let mut found = vec![0f32; channels];
     for (k, c) in samples.centres.iter().enumerate().filter(|(k, _)| hidden[*k]) {

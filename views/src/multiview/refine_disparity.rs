@@ -4,8 +4,8 @@
 
 use rayon::prelude::*;
 
-use super::surfaces::step;
-use super::{Bundle, Surfaces};
+use super::sample_set::SampleSet;
+use super::view_disparities::{ViewDisparities, step};
 use crate::disparity::Plane;
 
 /// Times the image is fitted anew and the disparity corrected.
@@ -44,22 +44,22 @@ impl Vote {
     }
 }
 
-/// The middle view's map of `surfaces`, corrected; `light`: brightness of every sample, views one after the other.
-pub(super) fn refine(bundle: &Bundle, light: &[f32], surfaces: &Surfaces) -> Plane {
-    let scale = surfaces.scale;
-    let views = (surfaces.rows, surfaces.columns);
+/// The middle view's map of `disparities`, corrected; `light`: brightness of every sample, views one after the other.
+pub(super) fn refine_disparity(set: &SampleSet, light: &[f32], disparities: &ViewDisparities) -> Plane {
+    let scale = disparities.scale;
+    let views = (disparities.rows, disparities.columns);
     let middle = (views.0 / 2) * views.1 + views.1 / 2;
-    let mut map = surfaces.maps[middle].clone();
+    let mut map = disparities.maps[middle].clone();
     let (w, h) = (map.width, map.height);
     if w < 8 || h < 8 || views.0 * views.1 < 2 {
         return map;
     }
     let reach = (0..views.0 * views.1).map(|k| step(views, k)).fold(1f32, |m, s| m.max(s[0].abs()).max(s[1].abs()));
-    let mut rays = origins(bundle, surfaces);
+    let mut rays = origins(set, disparities);
     let mut best = map.clone();
     let mut least = vec![f32::INFINITY; w * h];
     for round in 0..=ROUNDS {
-        place(bundle, &map, scale, views, &mut rays);
+        place(set, &map, scale, views, &mut rays);
         let image = fit(light, &rays, w, h);
         let spread = spread(light, &rays, &image);
         let votes = gather(&vote(light, &rays, &image, views, scale, spread), &map);
@@ -93,21 +93,21 @@ struct Ray {
 }
 
 /// Samples that the middle view sees as well.
-fn origins(bundle: &Bundle, surfaces: &Surfaces) -> Vec<Ray> {
-    let views = (surfaces.rows, surfaces.columns);
+fn origins(set: &SampleSet, disparities: &ViewDisparities) -> Vec<Ray> {
+    let views = (disparities.rows, disparities.columns);
     let middle = (views.0 / 2) * views.1 + views.1 / 2;
-    let n = bundle.points.len();
-    let scale = surfaces.scale;
-    let (right, bottom) = ((bundle.target.width - 1) as f32, (bundle.target.height - 1) as f32);
+    let n = set.points.len();
+    let scale = disparities.scale;
+    let (right, bottom) = ((set.target.width - 1) as f32, (set.target.height - 1) as f32);
     (0..views.0 * views.1)
         .into_par_iter()
         .flat_map_iter(|k| {
             let u = step(views, k);
-            bundle.points.iter().enumerate().filter_map(move |(i, p)| {
-                let d = surfaces.at(k, p[0], p[1]);
+            set.points.iter().enumerate().filter_map(move |(i, p)| {
+                let d = disparities.at(k, p[0], p[1]);
                 let (x, y) = (p[0] - d * u[0], p[1] - d * u[1]);
                 let seen = x >= 0.0 && y >= 0.0 && x <= right && y <= bottom;
-                let miss = (surfaces.at(middle, x, y) - d).abs();
+                let miss = (disparities.at(middle, x, y) - d).abs();
                 (seen && miss < SAME).then(|| Ray {
                     sample: (k * n + i) as u32,
                     view: k as u16,
@@ -120,10 +120,10 @@ fn origins(bundle: &Bundle, surfaces: &Surfaces) -> Vec<Ray> {
 }
 
 /// Where the samples lie under the disparities of `map`.
-fn place(bundle: &Bundle, map: &Plane, scale: [f32; 2], views: (usize, usize), rays: &mut [Ray]) {
-    let n = bundle.points.len();
+fn place(set: &SampleSet, map: &Plane, scale: [f32; 2], views: (usize, usize), rays: &mut [Ray]) {
+    let n = set.points.len();
     rays.par_iter_mut().for_each(|ray| {
-        let p = bundle.points[ray.sample as usize % n];
+        let p = set.points[ray.sample as usize % n];
         let u = step(views, ray.view as usize);
         let (s, t) = ((ray.x + 0.5).max(0.0) as usize, (ray.y + 0.5).max(0.0) as usize);
         let d = map.data[t.min(map.height - 1) * map.width + s.min(map.width - 1)];

@@ -1,17 +1,17 @@
 //! All samples of all views, wherever they come from, and how one view alone would be interpolated.
 
-use crate::Error;
-use crate::error::ensure_shape;
 use lenslet_core::decode::HexSamples;
 use lenslet_core::lightfield::LightField;
 use lenslet_core::sampling::{Cubic, bicubic};
 use ndarray::{Array3, ArrayView1, ArrayView3, Axis, CowArray, Ix3};
 
+use crate::Error;
 use crate::disparity::{LUMINANCE, Plane};
-use crate::target::Target;
+use crate::error::ensure_shape;
+use crate::target::{Target, pitch};
 
 /// Samples of every view at common places, and the target they are to fill.
-pub struct Bundle<'a> {
+pub struct SampleSet<'a> {
     rows: usize,
     columns: usize,
     /// Where the samples lie in their own view, pixels of the target.
@@ -26,7 +26,7 @@ pub struct Bundle<'a> {
     pub(super) kind: Kind,
     /// Pixels of the target between neighbouring samples.
     pub(super) pitch: f32,
-    base: Base,
+    single_view: SingleView,
 }
 
 /// Light as it is, or encoded for the screen.
@@ -37,12 +37,12 @@ pub(super) enum Kind {
 }
 
 /// Interpolation of a single view.
-enum Base {
+enum SingleView {
     Mesh(Cubic),
     Grid { width: usize, height: usize },
 }
 
-impl<'a> Bundle<'a> {
+impl<'a> SampleSet<'a> {
     /// The samples of a decoded capture.
     ///
     /// # Errors
@@ -54,14 +54,14 @@ impl<'a> Bundle<'a> {
             views == samples.views * samples.views && count == n,
             "the samples contradict each other: {views} views of {count} values at {n} places"
         );
-        let base = Base::Mesh(Cubic::new(&samples.centres, samples.sensor, (target.width, target.height))?);
+        let single_view = SingleView::Mesh(Cubic::new(&samples.centres, samples.sensor, (target.width, target.height))?);
         let (fx, fy) = (target.width as f64 / samples.sensor.0 as f64, target.height as f64 / samples.sensor.1 as f64);
         let points = samples
             .centres
             .iter()
             .map(|c| [((c[0] + 0.5) * fx - 0.5) as f32, ((c[1] + 0.5) * fy - 0.5) as f32])
             .collect();
-        let pitch = (crate::target::pitch(samples) * fx) as f32;
+        let pitch = (pitch(samples) * fx) as f32;
         Self::checked(
             samples.views,
             samples.views,
@@ -71,7 +71,7 @@ impl<'a> Bundle<'a> {
             *target,
             Kind::Linear,
             pitch,
-            base,
+            single_view,
         )
     }
 
@@ -100,7 +100,7 @@ impl<'a> Bundle<'a> {
             *target,
             kind,
             fx,
-            Base::Grid { width, height },
+            SingleView::Grid { width, height },
         )
     }
 
@@ -114,7 +114,7 @@ impl<'a> Bundle<'a> {
         target: Target,
         kind: Kind,
         pitch: f32,
-        base: Base,
+        single_view: SingleView,
     ) -> Result<Self, Error> {
         let channels = values.len_of(Axis(2));
         ensure_shape!(channels == 1 || channels == 3, "multi-view refinement needs 1 or 3 channels, not {channels}");
@@ -133,7 +133,7 @@ impl<'a> Bundle<'a> {
             weights.len(),
             rows * columns
         );
-        Ok(Bundle { rows, columns, points, values, weights, lanes, target, kind, pitch, base })
+        Ok(SampleSet { rows, columns, points, values, weights, lanes, target, kind, pitch, single_view })
     }
 
     /// Rows and columns of views.
@@ -154,9 +154,9 @@ impl<'a> Bundle<'a> {
     /// What one view alone gives, (t, s, c).
     pub(super) fn single(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {
         let values = self.view(v, u);
-        match &self.base {
-            Base::Mesh(weights) => Ok(weights.apply(values)?),
-            Base::Grid { width, height } => {
+        match &self.single_view {
+            SingleView::Mesh(weights) => Ok(weights.apply(values)?),
+            SingleView::Grid { width, height } => {
                 let image = values.to_shape((*height, *width, self.channels()))?;
                 if (*width, *height) == (self.target.width, self.target.height) {
                     return Ok(image.to_owned());
@@ -178,12 +178,12 @@ impl<'a> Bundle<'a> {
         } else {
             (self.target.width, self.target.height)
         };
-        let table = match &self.base {
-            Base::Mesh(_) => {
+        let table = match &self.single_view {
+            SingleView::Mesh(_) => {
                 let centres: Vec<[f64; 2]> = self.points.iter().map(|p| [f64::from(p[0]), f64::from(p[1])]).collect();
                 Some(Cubic::new(&centres, (self.target.width, self.target.height), (width, height))?)
             }
-            Base::Grid { .. } => None,
+            SingleView::Grid { .. } => None,
         };
         let mut grid = Vec::with_capacity(self.rows);
         for v in 0..self.rows {
@@ -192,12 +192,12 @@ impl<'a> Bundle<'a> {
                 let light = Array3::from_shape_fn((1, self.points.len(), 1), |(_, k, _)| {
                     self.judge(self.values.slice(ndarray::s![v * self.columns + u, k, ..]))
                 });
-                let plane = match (&table, &self.base) {
+                let plane = match (&table, &self.single_view) {
                     (Some(table), _) => table.apply(light.index_axis(Axis(0), 0))?,
-                    (None, Base::Grid { width: w, height: h }) => {
+                    (None, SingleView::Grid { width: w, height: h }) => {
                         shrink(light.to_shape((*h, *w, 1))?.view(), width, height)?
                     }
-                    (None, Base::Mesh(_)) => continue,
+                    (None, SingleView::Mesh(_)) => continue,
                 };
                 row.push(Plane { width, height, data: plane.into_raw_vec_and_offset().0 });
             }

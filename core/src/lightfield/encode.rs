@@ -2,9 +2,10 @@
 
 use std::sync::OnceLock;
 
-use lenslet_core::lightfield::colour;
 use ndarray::Array3;
 use rayon::prelude::*;
+
+use super::colour;
 
 /// Intervals of the table. The curve bends most just above 0.0031; there the straight pieces are within 4e-7 of it.
 const STEPS: usize = 1 << 15;
@@ -16,7 +17,7 @@ fn table() -> &'static [f32] {
 }
 
 /// The sRGB-encoded twin of a view in linear light. Values outside 0..1 are cut, NaN becomes 0.
-pub fn srgb(view: &Array3<f32>) -> Array3<f32> {
+pub(super) fn encode_srgb(view: &Array3<f32>) -> Array3<f32> {
     let table = table();
     let mut out = view.as_standard_layout().into_owned();
     if let Some(flat) = out.as_slice_mut() {
@@ -42,15 +43,15 @@ mod tests {
     fn the_table_is_the_curve() {
         let n = 1_000_003;
         let view = Array3::from_shape_fn((1, n, 1), |(_, k, _)| k as f32 / (n - 1) as f32);
-        for (x, y) in view.iter().zip(&srgb(&view)) {
+        for (x, y) in view.iter().zip(&encode_srgb(&view)) {
             // Far below half a step of 16 bits, 7.6e-6; worst at the bend of the curve.
             assert!((colour::encode(*x) - y).abs() < 2e-6, "{x}: {y}");
         }
         let odd = Array3::from_shape_vec((1, 4, 1), vec![-1.0, 2.0, f32::NAN, f32::INFINITY]).unwrap();
-        assert_eq!(srgb(&odd).as_slice().unwrap()[0], 0.0);
-        assert_eq!(srgb(&odd).as_slice().unwrap()[2], 0.0);
+        assert_eq!(encode_srgb(&odd).as_slice().unwrap()[0], 0.0);
+        assert_eq!(encode_srgb(&odd).as_slice().unwrap()[2], 0.0);
         for k in [1, 3] {
-            assert!((srgb(&odd).as_slice().unwrap()[k] - 1.0).abs() < 1e-6);
+            assert!((encode_srgb(&odd).as_slice().unwrap()[k] - 1.0).abs() < 1e-6);
         }
     }
 }

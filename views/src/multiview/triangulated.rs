@@ -1,23 +1,25 @@
 //! Section 4.3 as the paper has it: all samples at their exact places are triangulated, and the remaining pixels interpolated
 //! barycentrically. Samples closer than half a pixel are joined to their mean first.
 
-use crate::Error;
 use lenslet_core::sampling::Weights;
 use ndarray::{Array2, Array3};
 
-use super::{Bundle, Surfaces, fit};
+use super::rays::for_each_ray;
+use super::sample_set::SampleSet;
+use super::view_disparities::ViewDisparities;
+use crate::Error;
 
 /// Renders the view `at` (row, column).
-pub(super) fn view(bundle: &Bundle, surfaces: &Surfaces, at: (usize, usize)) -> Result<Array3<f32>, Error> {
-    let size = (bundle.target.width, bundle.target.height);
-    let c = bundle.channels();
+pub(super) fn render_view(set: &SampleSet, disparities: &ViewDisparities, at: (usize, usize)) -> Result<Array3<f32>, Error> {
+    let size = (set.target.width, set.target.height);
+    let c = set.channels();
     if size.0 < 2 || size.1 < 2 {
-        return bundle.single(at.0, at.1);
+        return set.single(at.0, at.1);
     }
     // Means of position and value in cells of half a pixel.
     let (w, h) = (2 * size.0, 2 * size.1);
     let mut sums = vec![[0f64; 6]; w * h];
-    fit::each_ray(bundle, surfaces, at, size, |x, y, weight: f32, value: &[f32]| {
+    for_each_ray(set, disparities, at, size, |x, y, weight: f32, value: &[f32]| {
         let cell = &mut sums[(2.0 * y) as usize * w + (2.0 * x) as usize];
         let weight = f64::from(weight);
         cell[0] += weight;

@@ -1,0 +1,123 @@
+//! Disparity of every view: searched in the middle view, made exact by the samples, carried to where each view sees the
+//! surfaces, the nearest in front, gaps filled with what lies behind.
+
+use lenslet_core::progress::Observer;
+use ndarray::Array2;
+use rayon::prelude::*;
+
+use super::options::Options;
+use super::refine_disparity::refine_disparity;
+use super::sample_set::SampleSet;
+use super::view_disparities::{ViewDisparities, step};
+use crate::Error;
+use crate::disparity::{self, Disparity, Plane, carry_plane};
+use crate::error::ensure_shape;
+
+/// Estimates the middle view's disparity, unless `options.known` gives it, and carries it to all views.
+///
+/// # Errors
+/// Options out of range, interruption.
+pub fn estimate_disparities(
+    set: &SampleSet,
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<ViewDisparities, Error> {
+    let (rows, columns) = set.views();
+    let (grid, scale) = set.brightness(options.disparity.side.clamp(16, 2048))?;
+    let middle = match &options.known {
+        Some(known) => {
+            ensure_shape!(
+                !known.is_empty() && known.iter().all(|d| d.is_finite()),
+                "the known disparity has values that are not numbers"
+            );
+            Disparity { disparity: known.clone(), confidence: Array2::ones(known.dim()) }
+        }
+        None if rows * columns < 2 => {
+            let size = (grid[0][0].height, grid[0][0].width);
+            Disparity { disparity: Array2::zeros(size), confidence: Array2::zeros(size) }
+        }
+        None => {
+            let search = disparity::Options {
+                range: options.disparity.range.map(|(a, b)| (a / scale, b / scale)),
+                // Beyond a lenslet or so a view step there is nothing a lenslet camera could have seen.
+                limit: (options.disparity.limit.max(1.25 * set.pitch) / scale).max(0.1),
+                linear: false,
+                reference: None,
+                ..options.disparity.clone()
+            };
+            let mut found = disparity::estimate_planes(grid.clone(), &search, observer)?;
+            found.disparity *= scale;
+            found
+        }
+    };
+    observer.check()?;
+    let size = (set.target.width, set.target.height);
+    let (height, width) = middle.disparity.dim();
+    let scale = [size.0 as f32 / width as f32, size.1 as f32 / height as f32];
+    let central = Plane { width, height, data: middle.disparity.iter().copied().collect() };
+    let front = front(&central, &grid, scale, (rows, columns));
+    let maps = (0..rows * columns)
+        .into_par_iter()
+        .map(|k| carry_plane(&central, scale, step((rows, columns), k), front))
+        .collect();
+    let mut disparities = ViewDisparities { rows, columns, maps, samples: Vec::new(), scale, front, middle };
+    if options.known.is_none() {
+        let light: Vec<f32> = set.light();
+        let central = refine_disparity(set, &light, &disparities);
+        disparities.maps = (0..rows * columns)
+            .into_par_iter()
+            .map(|k| carry_plane(&central, scale, step((rows, columns), k), front))
+            .collect();
+        if let Ok(found) = Array2::from_shape_vec((height, width), central.data) {
+            disparities.middle.disparity = found;
+        }
+    }
+    let points = &set.points;
+    let one = |k: usize| points.iter().map(move |p| (k, p));
+    disparities.samples =
+        (0..rows * columns).into_par_iter().flat_map_iter(one).map(|(k, p)| disparities.at(k, p[0], p[1])).collect();
+    Ok(disparities)
+}
+
+/// Whether nearer surfaces have the smaller (−1) or the larger (+1) disparity: whichever explains the corner views better.
+/// Light fields whose views are numbered against the camera's movement have it the other way round.
+fn front(central: &Plane, grid: &[Vec<Plane>], scale: [f32; 2], views: (usize, usize)) -> f32 {
+    let (rows, columns) = views;
+    let reference = &grid[rows / 2][columns / 2];
+    let ratio = [reference.width as f32 / central.width as f32, reference.height as f32 / central.height as f32];
+    let mut error = [0f64; 2];
+    for (v, u) in [(0, 0), (0, columns - 1), (rows - 1, 0), (rows - 1, columns - 1)] {
+        let k = v * columns + u;
+        let offset = step(views, k);
+        for (sign, e) in [-1f32, 1.0].into_iter().zip(&mut error) {
+            let map = carry_plane(central, scale, offset, sign);
+            for t in 0..map.height {
+                for s in 0..map.width {
+                    let d = map.data[t * map.width + s];
+                    let (x, y) = (s as f32 - d * offset[0] / scale[0], t as f32 - d * offset[1] / scale[1]);
+                    let place = |x: f32, y: f32| ((x + 0.5) * ratio[0] - 0.5, (y + 0.5) * ratio[1] - 0.5);
+                    let (a, b) = (place(x, y), place(s as f32, t as f32));
+                    *e += f64::from((reference.at(a.0, a.1) - grid[v][u].at(b.0, b.1)).abs());
+                }
+            }
+        }
+    }
+    if error[1] < 0.995 * error[0] { 1.0 } else { -1.0 }
+}
+
+/// Which surfaces are in front (see [`ViewDisparities::front`]) in the light field (v, u, t, s, c), given its middle view's disparity.
+///
+/// # Errors
+/// Views of other than one or three channels.
+pub fn front_of(data: &ndarray::ArrayView5<f32>, disparity: &Array2<f32>) -> Result<f32, Error> {
+    let (rows, columns, ..) = data.dim();
+    let (height, width) = disparity.dim();
+    let mut grid = vec![vec![Plane::filled(1, 1, 0.0); columns]; rows];
+    for v in [0, rows / 2, rows - 1] {
+        for u in [0, columns / 2, columns - 1] {
+            grid[v][u] = disparity::luminance(&data.slice(ndarray::s![v, u, .., .., ..]))?;
+        }
+    }
+    let central = Plane { width, height, data: disparity.iter().copied().collect() };
+    Ok(front(&central, &grid, [1.0, 1.0], (rows, columns)))
+}

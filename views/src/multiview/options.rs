@@ -1,0 +1,34 @@
+//! How views are refined by all the others.
+
+use crate::disparity;
+
+/// How the image is made of the scattered samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Fit {
+    /// Weighted least-squares pixels, single-view interpolation as the prior.
+    #[default]
+    Smooth,
+    /// The paper's way: triangulate all samples, interpolate barycentrically. Seconds a view; kept for comparison.
+    Triangulation,
+}
+
+/// How views are refined.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// How the image is made of the samples.
+    pub fit: Fit,
+    /// How disparity is estimated. Its unit is pixels of the target view; `range` and `limit` count in these.
+    pub disparity: disparity::Options,
+    /// Disparity of the middle view known beforehand (t, s at any size, in pixels of the target view per view step).
+    pub known: Option<ndarray::Array2<f32>>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        let disparity = disparity::Options { linear: true, side: SIDE, ..disparity::Options::default() };
+        Options { fit: Fit::default(), disparity, known: None }
+    }
+}
+
+/// Longer side of the views in which disparity is searched.
+const SIDE: usize = 640;

@@ -1,0 +1,114 @@
+//! Where the samples of all views lie in one view, by the disparity of their surfaces, and how much each counts there.
+
+use super::sample_set::SampleSet;
+use super::view_disparities::{ViewDisparities, step};
+
+/// A sample on its way: cell (upper left of four pixels), where within it, and how much it counts.
+#[derive(Clone, Copy)]
+pub(super) struct Ray {
+    pub(super) cell: u32,
+    fx: f32,
+    fy: f32,
+    pub(super) weight: f32,
+    /// Which sample of which view.
+    pub(super) sample: u32,
+}
+
+impl Ray {
+    fn new(x: f32, y: f32, w: usize, weight: f32, sample: usize) -> Ray {
+        let (x0, y0) = (x as usize, y as usize);
+        Ray { cell: (y0 * w + x0) as u32, fx: x - x0 as f32, fy: y - y0 as f32, weight, sample: sample as u32 }
+    }
+
+    /// Shares of the four pixels.
+    #[inline]
+    pub(super) fn shares(&self) -> [f32; 4] {
+        let (fx, fy) = (self.fx, self.fy);
+        [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy]
+    }
+
+    /// What is left of the sample when the image is taken away; the lane of the weight is 0.
+    #[inline]
+    pub(super) fn residual(&self, b: &[f32; 4], f: &[f32; 4], image: &[[f32; 4]], w: usize) -> [f32; 4] {
+        let k = self.cell as usize;
+        let (p, q) = (&image[k..k + 2], &image[k + w..k + w + 2]);
+        let mut r = [0f32; 4];
+        for l in 0..3 {
+            r[l] = f[l] - (b[0] * p[0][l] + b[1] * p[1][l] + b[2] * q[0][l] + b[3] * q[1][l]);
+        }
+        r
+    }
+
+    /// Adds `value` to the four pixels by their shares.
+    #[inline]
+    pub(super) fn spread(&self, b: &[f32; 4], value: &[f32; 4], sums: &mut [[f32; 4]], w: usize) {
+        let k = self.cell as usize;
+        for (b, at) in b.iter().zip([k, k + 1, k + w, k + w + 1]) {
+            for l in 0..4 {
+                sums[at][l] += b * value[l];
+            }
+        }
+    }
+}
+
+/// Weight of a sample of the target view itself: it is there by definition.
+pub(super) const OWN: f32 = 2.0;
+
+/// Misplacement (pixels of the target) at which a sample counts a quarter.
+const TOLERANCE: f32 = 0.6;
+
+/// The samples of the view itself.
+pub(super) fn own_samples(set: &SampleSet, disparities: &ViewDisparities, at: (usize, usize), size: (usize, usize)) -> Vec<Ray> {
+    let first = (at.0 * disparities.columns + at.1) * set.points.len();
+    let (right, bottom) = ((size.0 - 1) as f32, (size.1 - 1) as f32);
+    let inside = |p: &[f32; 2]| p[0] >= 0.0 && p[1] >= 0.0 && p[0] < right && p[1] < bottom;
+    let points = set.points.iter().enumerate().filter(|(_, p)| inside(p));
+    points.map(|(i, p)| Ray::new(p[0], p[1], size.0, OWN, first + i)).collect()
+}
+
+/// Where every sample of every other view lies in the target view, leaving out what is hidden there.
+pub(super) fn other_samples(set: &SampleSet, disparities: &ViewDisparities, at: (usize, usize), size: (usize, usize)) -> Vec<Ray> {
+    let views = (disparities.rows, disparities.columns);
+    let target_view = at.0 * views.1 + at.1;
+    let target = step(views, target_view);
+    let n = set.points.len();
+    let mut rays = Vec::with_capacity(n * (views.0 * views.1).saturating_sub(1));
+    let (right, bottom) = ((size.0 - 1) as f32, (size.1 - 1) as f32);
+    for k in (0..views.0 * views.1).filter(|&k| k != target_view) {
+        let from = step(views, k);
+        let (du, dv) = (from[0] - target[0], from[1] - target[1]);
+        let distance = du.abs().max(dv.abs()) / TOLERANCE;
+        // Noise grows as light falls.
+        let light = set.weights[k] * set.weights[k];
+        for (i, (p, d)) in set.points.iter().zip(&disparities.samples[k * n..(k + 1) * n]).enumerate() {
+            let (x, y) = (p[0] - d * du, p[1] - d * dv);
+            // Also turns away what is not a number.
+            if !(x >= 0.0 && y >= 0.0 && x < right && y < bottom) {
+                continue;
+            }
+            // How far the surface seen here would carry the sample from where it is put.
+            let miss = (disparities.near(target_view, x, y) - d) * distance;
+            let agree = 1.0 / (1.0 + miss * miss);
+            let weight = light * agree * agree;
+            if weight >= 0.02 {
+                rays.push(Ray::new(x, y, size.0, weight, k * n + i));
+            }
+        }
+    }
+    rays
+}
+
+/// Tells `each` of every sample of every view: where it lies in the view `at`, how much it counts, its value.
+pub(super) fn for_each_ray(
+    set: &SampleSet,
+    disparities: &ViewDisparities,
+    at: (usize, usize),
+    size: (usize, usize),
+    mut each: impl FnMut(f32, f32, f32, &[f32]),
+) {
+    for ray in own_samples(set, disparities, at, size).into_iter().chain(other_samples(set, disparities, at, size)) {
+        let (x, y) = (ray.cell as usize % size.0, ray.cell as usize / size.0);
+        let value = &set.lanes[ray.sample as usize][..set.channels()];
+        each(x as f32 + ray.fx, y as f32 + ray.fy, ray.weight, value);
+    }
+}

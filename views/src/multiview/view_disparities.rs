@@ -1,0 +1,67 @@
+//! Disparity of every view on a common working grid.
+
+use crate::disparity::{Disparity, Plane};
+
+/// Disparity maps of all views on a common working grid.
+pub struct ViewDisparities {
+    pub(super) rows: usize,
+    pub(super) columns: usize,
+    /// One map a view, pixels of the target per view step.
+    pub(super) maps: Vec<Plane>,
+    /// Disparity of every sample of every view, views one after the other.
+    pub(super) samples: Vec<f32>,
+    /// Pixels of the target per pixel of the maps.
+    pub(super) scale: [f32; 2],
+    /// −1 where the nearer surface has the smaller disparity (the usual order of views), +1 where it has the larger.
+    pub front: f32,
+    /// What was found in the middle view, pixels of the target per view step, on the working grid.
+    pub middle: Disparity,
+}
+
+impl ViewDisparities {
+    /// Disparity of view `k` at the pixel of its map nearest to (`x`, `y`) of the target.
+    #[inline]
+    pub(super) fn near(&self, k: usize, x: f32, y: f32) -> f32 {
+        let map = &self.maps[k];
+        // Within the picture: nothing is below 0.
+        let s = ((x + 0.5) / self.scale[0]) as usize;
+        let t = ((y + 0.5) / self.scale[1]) as usize;
+        map.data[t.min(map.height - 1) * map.width + s.min(map.width - 1)]
+    }
+
+    /// Disparity of view `k` at (`x`, `y`) of the target: interpolated on a surface, the nearest value at its edge.
+    #[inline]
+    pub(super) fn at(&self, k: usize, x: f32, y: f32) -> f32 {
+        let map = &self.maps[k];
+        let mx = ((x + 0.5) / self.scale[0] - 0.5).clamp(0.0, (map.width - 1) as f32);
+        let my = ((y + 0.5) / self.scale[1] - 0.5).clamp(0.0, (map.height - 1) as f32);
+        let (x0, y0) = (mx as usize, my as usize);
+        let (x1, y1) = ((x0 + 1).min(map.width - 1), (y0 + 1).min(map.height - 1));
+        let (fx, fy) = (mx - x0 as f32, my - y0 as f32);
+        let q = [
+            map.data[y0 * map.width + x0],
+            map.data[y0 * map.width + x1],
+            map.data[y1 * map.width + x0],
+            map.data[y1 * map.width + x1],
+        ];
+        let lo = q[0].min(q[1]).min(q[2].min(q[3]));
+        let hi = q[0].max(q[1]).max(q[2].max(q[3]));
+        if hi - lo < EDGE {
+            let upper = q[0] + fx * (q[1] - q[0]);
+            let lower = q[2] + fx * (q[3] - q[2]);
+            upper + fy * (lower - upper)
+        } else {
+            q[2 * usize::from(fy > 0.5) + usize::from(fx > 0.5)]
+        }
+    }
+}
+
+/// Neighbouring disparities further apart than this lie on different surfaces (pixels of the target per view step).
+const EDGE: f32 = 0.15;
+
+/// Offset (u, v) of view `k` from the middle one.
+pub(super) fn step(views: (usize, usize), k: usize) -> [f32; 2] {
+    let (v, u) = (k / views.1, k % views.1);
+    [u as f32 - (views.1 / 2) as f32, v as f32 - (views.0 / 2) as f32]
+}
+

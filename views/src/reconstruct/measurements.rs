@@ -1,0 +1,134 @@
+//! What was measured in every view: samples at their places, their noise, and how a view is moved towards them.
+
+use lenslet_core::decode::HexSamples;
+use lenslet_core::dictionary::Footprint;
+use lenslet_core::interpolation::Interpolation;
+use lenslet_core::lightfield::colour;
+use lenslet_core::metrics::LUMINANCE;
+use lenslet_core::sampling::Cubic;
+use ndarray::{Array2, ArrayView2, Axis};
+
+use super::noise::{Neighbours, Noise};
+use super::sampling_operator::{SamplingOperator, back_project};
+use crate::Error;
+use crate::error::ensure_shape;
+
+/// Rounds of back-projection: differences fall to about a thousandth of the range.
+const ROUNDS: usize = 4;
+/// Differences up to this part of the noise are left to views interpolated from the samples themselves.
+const OWN: f32 = 0.5;
+/// Tolerance for multiview-refined views, in parts of the noise and of the range: many samples made them, so they are off by
+/// less than one sample is, mismatches excepted.
+const REFINED: (f32, f32) = (1.5, 0.01);
+
+/// What was measured in every view, and how noisy it is.
+#[derive(Debug, Clone)]
+pub struct Measurements {
+    operator: SamplingOperator,
+    cubic: Option<Cubic>,
+    neighbours: Neighbours,
+    given: Option<f32>,
+}
+
+impl Measurements {
+    /// Samples that see `footprint` (`pitch` output pixels wide), for views of (width, height) pixels; `noise` as in
+    /// [`super::Options::noise`]; `alone` is what [`Measurements::interpolate_own_samples`] will be asked for.
+    ///
+    /// # Errors
+    /// Samples that cannot be triangulated, a size out of range.
+    pub fn new(
+        samples: &HexSamples,
+        footprint: Footprint,
+        pitch: f64,
+        size: (usize, usize),
+        noise: Option<f32>,
+        alone: &[Interpolation],
+    ) -> Result<Self, Error> {
+        let (fx, fy) = (size.0 as f64 / samples.sensor.0 as f64, size.1 as f64 / samples.sensor.1 as f64);
+        let centres: Vec<[f64; 2]> =
+            samples.centres.iter().map(|c| [(c[0] + 0.5) * fx - 0.5, (c[1] + 0.5) * fy - 0.5]).collect();
+        let neighbours = Neighbours::new(&centres)?;
+        let cubic = if alone.contains(&Interpolation::Cubic) { Some(Cubic::new(&centres, size, size)?) } else { None };
+        Ok(Measurements {
+            operator: SamplingOperator::new(centres, footprint, pitch, size)?,
+            cubic,
+            neighbours,
+            given: noise,
+        })
+    }
+
+    /// Noise of a view's samples (lenslets, 1 or 3 channels; linear light): what was given, or an estimate.
+    ///
+    /// # Errors
+    /// Another number of channels.
+    pub fn noise(&self, values: ArrayView2<'_, f32>) -> Result<Noise, Error> {
+        if let Some(sigma) = self.given {
+            return Ok(Noise::constant(sigma));
+        }
+        let encode = |v: f32| colour::encode(v.clamp(0.0, 1.0));
+        let colours: Option<Vec<f32>> =
+            (values.ncols() == 3).then(|| values.rows().into_iter().map(|v| encode(v[0]) - encode(v[1])).collect());
+        Ok(Noise::estimate(&encoded_luminance(values)?, colours.as_deref(), &self.neighbours))
+    }
+
+    /// Moves a view's luminance (t, s), sRGB-encoded, towards its samples: differences that noise explains stay. Views made
+    /// of the samples of all the others (`refined`) are moved only where they are clearly off.
+    ///
+    /// # Errors
+    /// Shapes that do not belong together.
+    pub fn project_onto_samples(
+        &self,
+        plane: &Array2<f32>,
+        values: ArrayView2<'_, f32>,
+        refined: bool,
+    ) -> Result<Array2<f32>, Error> {
+        let samples = encoded_luminance(values)?;
+        let noise = self.noise(values)?;
+        let (part, least) = if refined { REFINED } else { (OWN, 0.0) };
+        let left: Vec<f32> = samples.iter().map(|&s| part * noise.at(s) + least).collect();
+        Ok(back_project(plane, &self.operator, ndarray::aview1(&samples), ROUNDS, &left)?.0)
+    }
+
+    /// A view's luminance, sRGB-encoded, as `base` (barycentric or cubic) interpolates it from the view's own samples, 0..1.
+    ///
+    /// # Errors
+    /// Another number of samples, another base.
+    pub fn interpolate_own_samples(
+        &self,
+        values: ArrayView2<'_, f32>,
+        base: Interpolation,
+    ) -> Result<Array2<f32>, Error> {
+        let samples = encoded_luminance(values)?;
+        match (base, &self.cubic) {
+            (Interpolation::Barycentric, _) => Ok(self.operator.interpolate(&samples)?),
+            (Interpolation::Cubic, Some(cubic)) => {
+                let plane = cubic.apply(ndarray::aview1(&samples).insert_axis(Axis(1)))?;
+                Ok(plane.index_axis_move(Axis(2), 0).mapv(|v| v.clamp(0.0, 1.0)))
+            }
+            (other, _) => Err(Error::Parameter(format!("no {other} image of a view's own samples was prepared"))),
+        }
+    }
+
+    /// What a view's luminance says at the lenslet centres.
+    ///
+    /// # Errors
+    /// An empty plane.
+    pub fn sample_plane(&self, plane: &Array2<f32>) -> Result<Vec<f32>, Error> {
+        Ok(self.operator.sample(plane)?.into_raw_vec_and_offset().0)
+    }
+}
+
+/// Luminance of samples (lenslets, 1 or 3 channels) in linear light, as encoded views have it.
+pub(super) fn encoded_luminance(values: ArrayView2<'_, f32>) -> Result<Vec<f32>, Error> {
+    let channels = values.ncols();
+    ensure_shape!(channels == 1 || channels == 3, "samples of {channels} channels: 1 or 3 are needed");
+    let encode = |v: f32| colour::encode(v.clamp(0.0, 1.0));
+    Ok(values
+        .rows()
+        .into_iter()
+        .map(|v| match channels {
+            1 => encode(v[0]),
+            _ => v.iter().zip(LUMINANCE).map(|(&v, w)| w * encode(v)).sum(),
+        })
+        .collect())
+}

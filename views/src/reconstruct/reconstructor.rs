@@ -1,0 +1,121 @@
+//! A dictionary's model made ready for views (eq. (4) on luminance, colours guided by it).
+
+use lenslet_core::dictionary::{self, Dictionary};
+use lenslet_core::interpolation::Interpolation;
+use lenslet_core::lightfield::{Srgb, View};
+use lenslet_core::metrics::luminance;
+use ndarray::{Array2, Array3, ArrayView2};
+
+use super::guided;
+use super::options::Options;
+use super::plan::Plan;
+
+/// A dictionary's model made ready for views.
+///
+/// ```
+/// use lenslet_core::lightfield::{Srgb, View};
+/// use lenslet_views::reconstruct::{Options, Reconstructor, embedded};
+/// use ndarray::Array3;
+///
+/// let reconstructor = Reconstructor::new(&embedded()?, &Options::default())?;
+/// let flat = View::<Srgb>::new(Array3::from_elem((24, 32, 3), 0.5));
+/// let sharp = reconstructor.reconstruct_view(&flat)?;
+/// // There is nothing to sharpen.
+/// assert!(sharp.pixels().iter().all(|v| (v - 0.5).abs() < 1e-3));
+/// # Ok::<(), lenslet_core::dictionary::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Reconstructor {
+    first: dictionary::Reconstructor,
+    /// Its result is averaged with the first one's.
+    second: Option<dictionary::Reconstructor>,
+    plan: Plan,
+}
+
+impl Reconstructor {
+    /// Prepares the model for the footprint asked for.
+    ///
+    /// # Errors
+    /// Options out of range for this dictionary.
+    pub fn new(dictionary: &Dictionary, options: &Options) -> Result<Self, dictionary::Error> {
+        let model = dictionary
+            .model(options.footprint)
+            .ok_or_else(|| dictionary::Error::Parameter("the dictionary holds no model".into()))?;
+        let plan = Plan::new(model, options);
+        let prepared = |path| {
+            let options = dictionary::Options {
+                path,
+                step: plan.step,
+                lambda: options.lambda,
+                ensemble: plan.ensemble,
+                passes: options.passes,
+                ..dictionary::Options::default()
+            };
+            dictionary::Reconstructor::new(model, &options)
+        };
+        Ok(Reconstructor {
+            first: prepared(plan.predictor)?,
+            second: plan.averaged_with.map(prepared).transpose()?,
+            plan,
+        })
+    }
+
+    /// What is done to every view.
+    #[must_use]
+    pub fn plan(&self) -> Plan {
+        self.plan
+    }
+
+    /// The model in use.
+    #[must_use]
+    pub fn model(&self) -> &dictionary::Model {
+        self.first.model()
+    }
+
+    /// Which interpolations of a view's own samples it takes beside the view.
+    #[must_use]
+    pub fn side_inputs(&self) -> &[Interpolation] {
+        self.first.beside()
+    }
+
+    /// Half the side of the windows in which colours are smoothed, pixels: about what a sample takes.
+    pub(super) fn colour_radius(&self) -> usize {
+        (self.model().pitch.round() as usize).clamp(1, 16)
+    }
+
+    /// Reconstructs a plane (t, s) of sRGB-encoded luminance, 0..1, given the images that [`Reconstructor::side_inputs`]
+    /// names, in that order (none: the LASSO codes take the network's place). The result is not clamped.
+    ///
+    /// # Errors
+    /// What the solver reports; images of another size or number.
+    pub fn reconstruct_plane(
+        &self,
+        low: ArrayView2<'_, f32>,
+        side_inputs: &[Array2<f32>],
+    ) -> Result<Array2<f32>, dictionary::Error> {
+        let plane = self.first.plane_beside(low, side_inputs)?;
+        match &self.second {
+            Some(second) => Ok((plane + second.plane_beside(low, side_inputs)?) * 0.5),
+            None => Ok(plane),
+        }
+    }
+
+    /// Reconstructs a view with one or three channels: luminance learned, colour differences those of the view, guided by
+    /// it. Clamped to 0..1.
+    ///
+    /// # Errors
+    /// Another number of channels; what the solver reports.
+    pub fn reconstruct_view(&self, low: &View<Srgb>) -> Result<View<Srgb>, dictionary::Error> {
+        let y = checked_luminance(low.pixels())?;
+        let sharp = self.reconstruct_plane(y.view(), &[])?;
+        Ok(View::new(guided::with_luminance(low.pixels(), &y, &sharp, self.colour_radius())))
+    }
+}
+
+/// Luminance of a view of one or three channels.
+pub(super) fn checked_luminance(view: &Array3<f32>) -> Result<Array2<f32>, dictionary::Error> {
+    match view.dim().2 {
+        1 | 3 => Ok(luminance(view.view())),
+        c => Err(dictionary::Error::Parameter(format!("a view of {c} channels cannot be reconstructed: 1 or 3"))),
+    }
+}

@@ -1,0 +1,71 @@
+//! The front door: `samples.renderer(method)`, a few choices, `prepare`.
+
+use lenslet_core::decode::HexSamples;
+use lenslet_core::progress::{Observer, Silent};
+
+use super::render::Renderer;
+use crate::Error;
+use crate::method::Method;
+use crate::target::Target;
+
+/// Longer side of the views unless told otherwise, pixels (paper section 4).
+const LONGER_SIDE: usize = 1080;
+
+/// Choices before [`RendererBuilder::prepare`].
+pub struct RendererBuilder<'a> {
+    samples: &'a HexSamples,
+    method: Method,
+    size: Target,
+    observer: &'a dyn Observer,
+}
+
+/// Rendering of hexagonal samples.
+pub trait RenderSamples {
+    /// Begins to prepare the rendering of views by `method`: at 1080 pixels along the longer side unless told otherwise.
+    fn renderer(&self, method: impl Into<Method>) -> RendererBuilder<'_>;
+}
+
+impl RenderSamples for HexSamples {
+    fn renderer(&self, method: impl Into<Method>) -> RendererBuilder<'_> {
+        let size = Target::longer(self.sensor, LONGER_SIDE);
+        RendererBuilder { samples: self, method: method.into(), size, observer: &Silent }
+    }
+}
+
+impl<'a> RendererBuilder<'a> {
+    /// Views whose longer side has `pixels` pixels, scene pixels square.
+    #[must_use]
+    pub fn longer_side(mut self, pixels: usize) -> Self {
+        self.size = Target::longer(self.samples.sensor, pixels);
+        self
+    }
+
+    /// Views of exactly this size.
+    #[must_use]
+    pub fn size(mut self, size: Target) -> Self {
+        self.size = size;
+        self
+    }
+
+    /// Views of about one pixel a lenslet.
+    #[must_use]
+    pub fn native_size(mut self) -> Self {
+        self.size = Target::native(self.samples);
+        self
+    }
+
+    /// Who sees progress and can interrupt (default: nobody).
+    #[must_use]
+    pub fn observer(mut self, observer: &'a dyn Observer) -> Self {
+        self.observer = observer;
+        self
+    }
+
+    /// Prepares the rendering: tables, disparity, dictionary.
+    ///
+    /// # Errors
+    /// As [`Renderer::prepare`].
+    pub fn prepare(self) -> Result<Renderer<'a>, Error> {
+        Renderer::prepare(self.samples, &self.method, self.size, self.observer)
+    }
+}

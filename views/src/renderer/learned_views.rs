@@ -1,0 +1,108 @@
+//! Section 4.4 on top of an interpolation: every interpolated view is reconstructed with the dictionary.
+//!
+//! A dictionary is trained for one pitch. Where the target's pitch differs from it by more than a tenth, the view is
+//! interpolated and reconstructed at the dictionary's own pitch and then resized bicubically to the target.
+//!
+//! Views interpolated from their own samples keep these true. Views refined by all the others have a dictionary of their own,
+//! and are corrected by their samples only where they are clearly off: elsewhere they are nearer to the scene than a single
+//! noisy sample is.
+
+use lenslet_core::decode::HexSamples;
+use lenslet_core::dictionary::Dictionary;
+use lenslet_core::interpolation::Interpolation;
+use lenslet_core::lightfield::View;
+use lenslet_core::progress::Observer;
+use lenslet_core::sampling::bicubic;
+use ndarray::Axis;
+
+use super::working_size::working_size;
+use crate::Error;
+use crate::reconstruct::{DataConsistent, Options, Plan, Reconstructor};
+use crate::target::Target;
+
+/// Learned reconstruction prepared for views that one interpolation made of these samples.
+pub struct LearnedViews<'a> {
+    samples: &'a HexSamples,
+    step: Step,
+    working: Target,
+    target: Target,
+    plan: Plan,
+}
+
+enum Step {
+    /// With the measured samples kept true.
+    Consistent(Box<DataConsistent>),
+    /// The dictionary alone.
+    Alone(Box<Reconstructor>),
+}
+
+impl<'a> LearnedViews<'a> {
+    /// Prepares `dictionary` for views of the size `target` that `interpolation` makes of the samples. What does not fit (a
+    /// dictionary trained on other views, for another pitch) is told to `observer`.
+    ///
+    /// # Errors
+    /// A dictionary that cannot be used, options out of range, samples that cannot be triangulated.
+    pub fn prepare(
+        samples: &'a HexSamples,
+        interpolation: Interpolation,
+        target: &Target,
+        dictionary: &Dictionary,
+        options: &Options,
+        observer: &dyn Observer,
+    ) -> Result<Self, Error> {
+        let reconstructor = Reconstructor::new(dictionary, options)?;
+        let plan = reconstructor.plan();
+        let (trained, pitch) = (reconstructor.model().base, reconstructor.model().pitch);
+        if (trained == Interpolation::Multiview) != (interpolation == Interpolation::Multiview) {
+            observer
+                .note(&format!("the dictionary was trained on {trained} views, these are {interpolation}: expect less"));
+        }
+        let working = working_size(samples, target, pitch);
+        if working != *target {
+            observer.note(&format!(
+                "the dictionary was trained for another pitch: views are reconstructed at {}x{} and resized",
+                working.width, working.height
+            ));
+        }
+        let step = if interpolation == Interpolation::Bicubic {
+            Step::Alone(Box::new(reconstructor))
+        } else {
+            let size = (working.width, working.height);
+            Step::Consistent(Box::new(DataConsistent::new(reconstructor, samples, interpolation, size, options.noise)?))
+        };
+        Ok(LearnedViews { samples, step, working, target: *target, plan })
+    }
+
+    /// The size that views are to be interpolated at.
+    #[must_use]
+    pub fn working_size(&self) -> Target {
+        self.working
+    }
+
+    /// Which predictor runs.
+    #[must_use]
+    pub fn plan(&self) -> Plan {
+        self.plan
+    }
+
+    /// Reconstructs the view (row `v`, column `u`), interpolated at [`LearnedViews::working_size`], to the target size.
+    ///
+    /// # Errors
+    /// Shapes that do not belong together, what the solver reports.
+    pub fn reconstruct_view(&self, low: &View, v: usize, u: usize) -> Result<View, Error> {
+        let encoded = low.encode();
+        let sharp = match &self.step {
+            Step::Consistent(step) => {
+                let values = self.samples.values.index_axis(Axis(0), v * self.samples.views + u);
+                step.reconstruct_view(&encoded, values)?
+            }
+            Step::Alone(step) => step.reconstruct_view(&encoded)?,
+        };
+        if self.working == self.target {
+            return Ok(sharp.decode());
+        }
+        let mut pixels = bicubic::resize(sharp.pixels().view(), self.target.width, self.target.height)?;
+        pixels.mapv_inplace(|p| p.clamp(0.0, 1.0));
+        Ok(View::<lenslet_core::lightfield::Srgb>::new(pixels).decode())
+    }
+}
