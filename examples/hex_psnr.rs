@@ -117,7 +117,7 @@ fn methods(truth: ArrayView2<'_, f32>, a: &Arguments, index: u64) -> anyhow::Res
             continue;
         }
         let reconstructor = Reconstructor::new(&a.dictionary, &Options { mode, ..a.options.clone() })?;
-        add(name, &mut || Ok(reconstructor.plane(low.view())?))?;
+        add(name, &mut || Ok(reconstructor.reconstruct_plane(low.view(), &[])?))?;
     }
     // Again with the measured samples kept true, as decode does it.
     for (name, from) in [("learned_true", "learned"), ("fast_true", "fast"), ("best_true", "best")] {

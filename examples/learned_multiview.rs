@@ -10,14 +10,15 @@
 use anyhow::{Context, anyhow, bail};
 use lenslet_core::calibration;
 use lenslet_core::decode;
-use lenslet_core::dictionary::{self, Dictionary, Interpolation};
-use lenslet_core::lightfield::{ColourSpace, colour};
+use lenslet_core::dictionary::{self, Dictionary};
+use lenslet_core::interpolation::Interpolation;
+use lenslet_core::lightfield::{ColourSpace, View, colour};
 use lenslet_core::metrics::{BORDER, Scores, Window};
 use lenslet_core::progress::Silent;
 use lenslet_data_gen::simulate::{self, Camera, Kind, Scene};
-use lenslet_views::reconstruct::{self, DataConsistent, Mode, Options, Reconstructor};
-use lenslet_views::{Target, encode, multiview};
-use ndarray::{Array3, Axis};
+use lenslet_views::reconstruct::{self, Mode, Options};
+use lenslet_views::{LearnedViews, RenderSamples as _, Target};
+use ndarray::Array3;
 use serde_json::{Map, Value, json};
 
 const VIEWS: usize = 7;
@@ -64,12 +65,12 @@ fn arguments() -> anyhow::Result<Arguments> {
 }
 
 /// PSNR of colour and of luminance.
-fn scores(view: &Array3<f32>, truth: &Array3<f32>) -> anyhow::Result<[f64; 2]> {
-    let scores = Scores::between(view.view(), truth.view(), &Window::without_border(BORDER))?;
+fn scores(view: &View, truth: &Array3<f32>) -> anyhow::Result<[f64; 2]> {
+    let scores = Scores::between(view.encode().pixels().view(), truth.view(), &Window::without_border(BORDER))?;
     Ok([scores.psnr_rgb, scores.psnr_y])
 }
 
-fn scored(kind: Kind, a: &Arguments, reconstructor: &Reconstructor) -> anyhow::Result<Value> {
+fn scored(kind: Kind, a: &Arguments, dictionary: &Dictionary) -> anyhow::Result<Value> {
     let mut camera = Camera::with_sensor(a.sensor);
     // Another camera for every seed, as in `ablate`.
     let turn = |k: u64| ((a.seed.wrapping_mul(k) % 1000) as f64) / 1000.0;
@@ -81,16 +82,19 @@ fn scored(kind: Kind, a: &Arguments, reconstructor: &Reconstructor) -> anyhow::R
     let size = simulate::output_size(&camera, (a.sensor * 1080 + 1640) / 3280);
     let calibration = calibration::calibrate(&simulation.whites, &calibration::CalibrationOptions::default(), &Silent)?;
     let samples = decode::samples(&simulation.capture, &calibration, &decode::Options::default(), &Silent)?;
-    let faithful = DataConsistent::new(reconstructor, &samples, Interpolation::Multiview, size, None)?;
+
+    let target = Target { width: size.0, height: size.1 };
+    let options = Options { mode: a.mode, ..Options::default() };
+    let interpolation = Interpolation::Multiview;
+    let learned = LearnedViews::prepare(&samples, interpolation, &target, dictionary, &options, &Silent)?;
 
     let mut gains: Vec<((usize, usize), [f64; 2])> = Vec::new();
     let mut centre = Value::Null;
-    let mut each = |v: usize, u: usize, view: &Array3<f32>| -> anyhow::Result<()> {
+    let mut each = |v: usize, u: usize, view: View| -> anyhow::Result<()> {
         let mut truth = simulate::view(&scene, &camera, simulate::offset([v, u], VIEWS, 1.0), size);
         colour::convert(&mut truth, ColourSpace::Linear, ColourSpace::Srgb);
-        let low = encode::srgb(view);
-        let sharp = faithful.view(&low, samples.values.index_axis(Axis(0), v * VIEWS + u))?;
-        let (before, after) = (scores(&low, &truth)?, scores(&sharp, &truth)?);
+        let sharp = learned.reconstruct_view(&view, v, u)?;
+        let (before, after) = (scores(&view, &truth)?, scores(&sharp, &truth)?);
         if (v, u) == (VIEWS / 2, VIEWS / 2) {
             let pair = |k: usize| json!({ "multiview": before[k], "learned": after[k], "gain": after[k] - before[k] });
             centre = json!({ "rgb": pair(0), "y": pair(1) });
@@ -98,8 +102,7 @@ fn scored(kind: Kind, a: &Arguments, reconstructor: &Reconstructor) -> anyhow::R
         gains.push(((v, u), [after[0] - before[0], after[1] - before[1]]));
         Ok(())
     };
-    let target = Target { width: size.0, height: size.1 };
-    multiview::render(&samples, &target, &multiview::Options::default(), &mut each, &Silent)?;
+    samples.renderer(interpolation).size(target).prepare()?.render_all(&mut each)?;
     let over = |k: usize| -> anyhow::Result<Value> {
         let least = gains.iter().min_by(|a, b| a.1[k].total_cmp(&b.1[k])).context("no view")?;
         let mean = gains.iter().map(|g| g.1[k]).sum::<f64>() / gains.len() as f64;
@@ -119,10 +122,9 @@ fn main() -> anyhow::Result<()> {
             &embedded
         }
     };
-    let reconstructor = Reconstructor::new(dictionary, &Options { mode: a.mode, ..Options::default() })?;
     let mut out = Map::new();
     for &kind in &a.scenes {
-        out.insert(kind.name().into(), scored(kind, &a, &reconstructor)?);
+        out.insert(kind.name().into(), scored(kind, &a, dictionary)?);
     }
     println!("{}", Value::Object(out));
     Ok(())

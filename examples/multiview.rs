@@ -15,16 +15,14 @@ use anyhow::{Context, anyhow, bail, ensure};
 use lenslet::apps::relief;
 use lenslet_core::decode::{HexSamples, npz};
 use lenslet_core::dictionary::Interpolation;
-use lenslet_core::lightfield::{self, ColourSpace, LightField, ReadOptions, colour};
+use lenslet_core::lightfield::{self, ColourSpace, LightField, ReadOptions, View, colour};
 use lenslet_core::metrics::{self, BORDER, Scores, Window};
 use lenslet_core::pfm;
 use lenslet_core::progress::Silent;
 use lenslet_core::sampling::{DEFAULT_PITCH, DEFAULT_ROTATION, Footprint, lattice_samples};
-use lenslet_views::Target;
-use lenslet_views::interpolate::{barycentric, cubic};
-use lenslet_views::multiview::{self, Bundle, Options, Surfaces};
-use lenslet_views::reconstruct::{self, DataConsistent, Reconstructor};
-use ndarray::{Array2, Array3, Axis, s};
+use lenslet_views::multiview::{self, Options, RefinedViews, SampleSet};
+use lenslet_views::{InterpolatedViews, LearnedViews, Method, RenderSamples as _, Target, reconstruct};
+use ndarray::{Array2, Array3, s};
 use serde_json::{Map, Value, json};
 
 const METHODS: [&str; 4] = ["barycentric", "cubic", "multiview", "learned"];
@@ -73,64 +71,48 @@ fn arguments() -> anyhow::Result<Arguments> {
     Ok(out)
 }
 
-/// As it would be looked at.
-fn encoded(linear: &Array3<f32>) -> Array3<f32> {
-    let mut view = linear.clone();
-    colour::convert(&mut view, ColourSpace::Linear, ColourSpace::Srgb);
-    view.mapv_inplace(|x| x.clamp(0.0, 1.0));
-    view
-}
-
-/// The views `wanted` by each method, linear light, and what was found on the way.
+/// The views `wanted` by each method, and what was found on the way.
 struct Rendered {
-    views: Vec<Vec<Array3<f32>>>,
-    surfaces: Surfaces,
+    views: Vec<Vec<View>>,
+    /// Of the middle view, pixels per view step.
+    disparity: Array2<f32>,
     /// Seconds for disparity, for the views.
     seconds: [f64; 2],
 }
 
 fn render(samples: &HexSamples, target: &Target, wanted: &[(usize, usize)]) -> anyhow::Result<Rendered> {
-    let values = |&(v, u): &(usize, usize)| samples.values.index_axis(Axis(0), v * samples.views + u);
-    let (flat, smooth) = (barycentric::prepare(samples, target)?, cubic::prepare(samples, target)?);
-    let mut views = vec![
-        wanted.iter().map(|at| barycentric::view(&flat, values(at))).collect::<Result<Vec<_>, _>>()?,
-        wanted.iter().map(|at| cubic::view(&smooth, values(at))).collect::<Result<_, _>>()?,
-        Vec::new(),
-        Vec::new(),
-    ];
+    let single = |interpolation| -> anyhow::Result<Vec<View>> {
+        let prepared = InterpolatedViews::prepare(samples, interpolation, target, &Silent)?;
+        wanted.iter().map(|&(v, u)| Ok(prepared.render_view(v, u)?)).collect()
+    };
+    let mut views = vec![single(Interpolation::Barycentric)?, single(Interpolation::Cubic)?];
     let began = Instant::now();
-    let bundle = Bundle::hexagonal(samples, target)?;
-    let options = Options { views: Some(wanted.to_vec()), ..Options::default() };
-    let surfaces = Surfaces::estimate(&bundle, &options, &Silent)?;
+    let refined = RefinedViews::estimate(SampleSet::hexagonal(samples, target)?, &Options::default(), &Silent)?;
     let found = began.elapsed().as_secs_f64();
-    let mut keep = |_: usize, _: usize, view: &Array3<f32>| {
-        views[2].push(view.clone());
+    let mut together = Vec::new();
+    let mut keep = |_: usize, _: usize, pixels: Array3<f32>| -> anyhow::Result<()> {
+        together.push(View::new(pixels));
         Ok(())
     };
-    multiview::render_surfaces::<lenslet_views::Error>(&bundle, &surfaces, &options, &mut keep, &Silent)?;
+    refined.render_views(wanted, &mut keep, &Silent)?;
     let seconds = [found, began.elapsed().as_secs_f64() - found];
-    views[3] = learned(samples, target, wanted, &views[2])?;
-    Ok(Rendered { views, surfaces, seconds })
+    let learned = learned(samples, target, wanted, &together)?;
+    views.extend([together, learned]);
+    Ok(Rendered { views, disparity: refined.disparities().middle.disparity.clone(), seconds })
 }
 
-/// Refined views reconstructed with the dictionary made for them, linear light in and out.
+/// Refined views reconstructed with the dictionary made for them.
 fn learned(
     samples: &HexSamples,
     target: &Target,
     wanted: &[(usize, usize)],
-    refined: &[Array3<f32>],
-) -> anyhow::Result<Vec<Array3<f32>>> {
+    refined: &[View],
+) -> anyhow::Result<Vec<View>> {
     let dictionary = reconstruct::embedded_for(Interpolation::Multiview)?;
-    let reconstructor = Reconstructor::new(&dictionary, &reconstruct::Options::default())?;
-    let size = (target.width, target.height);
-    let faithful = DataConsistent::new(&reconstructor, samples, Interpolation::Multiview, size, None)?;
-    let one = |(&(v, u), view): (&(usize, usize), &Array3<f32>)| {
-        let values = samples.values.index_axis(Axis(0), v * samples.views + u);
-        let mut sharp = faithful.view(&encoded(view), values)?;
-        colour::convert(&mut sharp, ColourSpace::Srgb, ColourSpace::Linear);
-        Ok(sharp)
-    };
-    wanted.iter().zip(refined).map(one).collect()
+    let options = reconstruct::Options::default();
+    let learned =
+        LearnedViews::prepare(samples, Interpolation::Multiview, target, &dictionary, &options, &Silent)?;
+    wanted.iter().zip(refined).map(|(&(v, u), view)| Ok(learned.reconstruct_view(view, v, u)?)).collect()
 }
 
 /// The middle view, the one at the end of its row, and a corner.
@@ -146,7 +128,7 @@ fn scores(rendered: &Rendered, truths: &[Array3<f32>]) -> anyhow::Result<Value> 
     for (method, views) in METHODS.iter().zip(&rendered.views) {
         let mut places = Map::new();
         for ((place, view), truth) in PLACES.iter().zip(views).zip(truths) {
-            let view = encoded(view);
+            let view = view.encode().into_pixels();
             let scores = Scores::between(view.view(), truth.view(), &Window::without_border(BORDER))?;
             places.insert((*place).into(), json!({ "psnr": scores.psnr_rgb, "ssim": scores.ssim_y }));
         }
@@ -162,7 +144,7 @@ fn agreement(rendered: &Rendered, disparity: &Array2<f32>, views: usize) -> anyh
     let border = BORDER + (reach * f64::from(largest)).ceil() as usize;
     let mut out = Map::new();
     for (method, list) in METHODS.iter().zip(&rendered.views) {
-        let list: Vec<Array3<f32>> = list.iter().map(encoded).collect();
+        let list: Vec<Array3<f32>> = list.iter().map(|view| view.encode().into_pixels()).collect();
         let one = |k: usize, steps| {
             metrics::view_consistency(list[0].view(), list[k].view(), disparity.view(), steps, border)
         };
@@ -216,7 +198,7 @@ fn simulated(truth: &Path, samples: &Path, a: &Arguments) -> anyhow::Result<Valu
     let rendered = render(&samples, &target, &wanted)?;
     save(&rendered, Some(&truths[0]), &samples, a)?;
     Ok(json!({
-        "disparity": disparity_errors(&rendered.surfaces.middle.disparity, &disparity, &truths[0]),
+        "disparity": disparity_errors(&rendered.disparity, &disparity, &truths[0]),
         "scores": scores(&rendered, &truths)?,
         "agreement": agreement(&rendered, &disparity, samples.views)?,
         "seconds": { "disparity": rendered.seconds[0], "views": rendered.seconds[1] },
@@ -271,7 +253,7 @@ fn resampled(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
     if let Some(path) = &a.disparity {
         // The benchmark counts disparity the other way round.
         let truth = pfm::from_bytes(&std::fs::read(path)?)?.mapv(|d| -d);
-        out["disparity"] = disparity_errors(&rendered.surfaces.middle.disparity, &truth, &truths[0]);
+        out["disparity"] = disparity_errors(&rendered.disparity, &truth, &truths[0]);
         out["agreement"] = agreement(&rendered, &truth, samples.views)?;
     }
     Ok(out)
@@ -285,31 +267,19 @@ fn real(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
     let mut hidden = Map::new();
     for method in METHODS.into_iter().filter(|_| !a.quick) {
         let score = multiview::hidden_score::<anyhow::Error>(&samples, &target, 0.1, 1, middle, &mut |rest| {
-            let values = rest.values.index_axis(Axis(0), middle.0 * rest.views + middle.1);
-            match method {
-                "barycentric" => Ok(barycentric::view(&barycentric::prepare(rest, &target)?, values)?),
-                "cubic" => Ok(cubic::view(&cubic::prepare(rest, &target)?, values)?),
-                _ => {
-                    let mut image = None;
-                    let mut keep = |_: usize, _: usize, view: &Array3<f32>| {
-                        image = Some(view.clone());
-                        Ok(())
-                    };
-                    let options = Options { views: Some(vec![middle]), ..Options::default() };
-                    multiview::render::<lenslet_views::Error>(rest, &target, &options, &mut keep, &Silent)?;
-                    let image = image.context("no view was rendered")?;
-                    if method == "multiview" {
-                        return Ok(image);
-                    }
-                    learned(rest, &target, &[middle], &[image])?.pop().context("no view was reconstructed")
-                }
+            let interpolation = method.parse().unwrap_or(Interpolation::Multiview);
+            let view = InterpolatedViews::prepare(rest, interpolation, &target, &Silent)?.render_view(middle.0, middle.1)?;
+            if method != "learned" {
+                return Ok(view.into_pixels());
             }
+            let view = learned(rest, &target, &[middle], &[view])?.pop().context("no view was reconstructed")?;
+            Ok(view.into_pixels())
         })?;
         hidden.insert(method.into(), score.psnr.into());
     }
     let rendered = render(&samples, &target, &wanted)?;
     save(&rendered, None, &samples, a)?;
-    let disparity = enlarged(&rendered.surfaces.middle.disparity, &target);
+    let disparity = enlarged(&rendered.disparity, &target);
     Ok(json!({
         "hidden_psnr": hidden,
         "agreement": agreement(&rendered, &disparity, samples.views)?,
@@ -338,14 +308,14 @@ fn save(rendered: &Rendered, truth: Option<&Array3<f32>>, samples: &HexSamples, 
     };
     for (method, views) in METHODS.iter().zip(&rendered.views) {
         for (place, view) in PLACES.iter().zip(views) {
-            write(format!("{method}-{place}.png"), &encoded(view))?;
-            ndarray_npy::write_npy(dir.join(format!("{method}-{place}.npy")), view)?;
+            write(format!("{method}-{place}.png"), view.encode().pixels())?;
+            ndarray_npy::write_npy(dir.join(format!("{method}-{place}.npy")), view.pixels())?;
         }
     }
     if let Some(truth) = truth {
         write("truth-middle.png".into(), truth)?;
     }
-    let d = &rendered.surfaces.middle.disparity;
+    let d = &rendered.disparity;
     let ends = d.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), &d| (a.min(d), b.max(d)));
     ndarray_npy::write_npy(dir.join("disparity.npy"), d)?;
     let picture = relief::colours(&d.view(), ends);
@@ -354,13 +324,13 @@ fn save(rendered: &Rendered, truth: Option<&Array3<f32>>, samples: &HexSamples, 
         return Ok(());
     }
     // Five lines of the picture, each followed through the middle row of views (eight pixels a view).
-    let (h, w, c) = rendered.views[0][0].dim();
+    let (h, w, c) = rendered.views[0][0].pixels().dim();
     let target = Target { width: w, height: h };
     let n = samples.views;
     let row: Vec<(usize, usize)> = (0..n).map(|u| (n / 2, u)).collect();
     let all = render(samples, &target, &row)?;
     for (method, views) in METHODS.iter().zip(&all.views) {
-        let views: Vec<Array3<f32>> = views.iter().map(encoded).collect();
+        let views: Vec<Array3<f32>> = views.iter().map(|view| view.encode().into_pixels()).collect();
         let lines: Vec<usize> = (1..6).map(|k| k * h / 6).collect();
         let epi = Array3::from_shape_fn((lines.len() * (8 * n + 6), w, c), |(y, x, k)| {
             let (line, u) = (y / (8 * n + 6), y % (8 * n + 6) / 8);
@@ -377,11 +347,10 @@ fn timed(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
     let target = Target::longer(samples.sensor, a.size);
     let began = Instant::now();
     let mut views = 0;
-    let mut count = |_: usize, _: usize, _: &Array3<f32>| {
+    samples.renderer(Method::multiview()).size(target).prepare()?.render_all(&mut |_, _, _| -> anyhow::Result<()> {
         views += 1;
         Ok(())
-    };
-    multiview::render::<lenslet_views::Error>(&samples, &target, &Options::default(), &mut count, &Silent)?;
+    })?;
     Ok(json!({ "views": views, "size": [target.width, target.height], "seconds": began.elapsed().as_secs_f64() }))
 }
 

@@ -2,14 +2,14 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a test may fail loudly
 
-use anyhow::Result;
 use lenslet_core::decode::HexSamples;
+use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{self, ColourSpace, Format, LightField, Meta, ReadOptions};
 use lenslet_core::progress::Silent;
 use lenslet_core::sampling::bicubic;
 use lenslet_views::Target;
-use lenslet_views::interpolate::{barycentric, cubic};
-use lenslet_views::multiview::{Fit, Options, hidden_score, render, render_light_field};
+use lenslet_views::interpolate::prepare_interpolator;
+use lenslet_views::multiview::{Fit, Options, RefinedViews, SampleSet, hidden_score};
 use ndarray::{Array2, Array3, Array5, ArrayView3, s};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -100,21 +100,16 @@ fn psnr(image: &Array3<f32>, d: impl Fn(f64, f64) -> f64 + 'static, at: (usize, 
 }
 
 fn one(samples: &HexSamples, options: Options, at: (usize, usize)) -> Array3<f32> {
-    let mut out = None;
-    let options = Options { views: Some(vec![at]), ..options };
-    let mut sink = |v: usize, u: usize, image: &Array3<f32>| {
-        assert_eq!((v, u), at);
-        out = Some(image.clone());
-        Ok(())
-    };
-    render::<lenslet_views::Error>(samples, &TARGET, &options, &mut sink, &Silent).unwrap();
-    out.unwrap()
+    let set = SampleSet::hexagonal(samples, &TARGET).unwrap();
+    RefinedViews::estimate(set, &options, &Silent).unwrap().render_view(at.0, at.1).unwrap()
 }
 
 fn single(samples: &HexSamples, at: (usize, usize)) -> (Array3<f32>, Array3<f32>) {
     let values = samples.values.slice(s![at.0 * 5 + at.1, .., ..]);
-    let b = barycentric::view(&barycentric::prepare(samples, &TARGET).unwrap(), values).unwrap();
-    let c = cubic::view(&cubic::prepare(samples, &TARGET).unwrap(), values).unwrap();
+    let by = |interpolation| {
+        prepare_interpolator(interpolation, samples, &TARGET).unwrap().interpolate_view(values).unwrap()
+    };
+    let (b, c) = (by(Interpolation::Barycentric), by(Interpolation::Cubic));
     (b, c)
 }
 
@@ -193,7 +188,7 @@ fn the_result_does_not_depend_on_threads() {
 #[test]
 fn hidden_lenslets_are_foretold_better_with_the_other_views() {
     let samples = samples(|_, _| -0.9, 0.01);
-    let score = |render: &mut dyn FnMut(&HexSamples) -> Result<Array3<f32>>| {
+    let score = |render: &mut dyn FnMut(&HexSamples) -> Result<Array3<f32>, lenslet_views::Error>| {
         hidden_score(&samples, &TARGET, 0.1, 3, (2, 2), render).unwrap()
     };
     let alone = score(&mut |rest| Ok(single(rest, (2, 2)).0));
@@ -213,16 +208,11 @@ fn other_tools_light_fields_gain_in_size() {
         texture(x, y) as f32
     });
     let field = LightField { meta, data };
-    let mut image = None;
-    let options = Options { views: Some(vec![(2, 2)]), ..Options::default() };
-    let mut sink = |_: usize, _: usize, view: &Array3<f32>| {
-        image = Some(view.clone());
-        Ok(())
-    };
-    render_light_field::<lenslet_views::Error>(&field, &TARGET, &options, &mut sink, &Silent).unwrap();
+    let set = SampleSet::rectangular(&field, &TARGET).unwrap();
+    let image = RefinedViews::estimate(set, &Options::default(), &Silent).unwrap().render_view(2, 2).unwrap();
     let alone = bicubic::resize(field.data.slice(s![2, 2, .., .., ..]), SIDE, SIDE).unwrap();
     let flat = |_: f64, _: f64| 0.0;
-    let (before, after) = (psnr(&alone, flat, (2, 2)), psnr(&image.unwrap(), flat, (2, 2)));
+    let (before, after) = (psnr(&alone, flat, (2, 2)), psnr(&image, flat, (2, 2)));
     assert!(after > before + 2.0, "{after:.2} dB after {before:.2}");
 }
 
@@ -270,17 +260,18 @@ fn refine_enlarges_a_light_field_and_refuses_what_it_cannot() {
 #[test]
 fn impossible_samples_are_refused() {
     let good = samples(|_, _| 0.0, 0.0);
-    let mut sink = |_: usize, _: usize, _: &Array3<f32>| Ok(());
     let mut fewer = good.clone();
     fewer.centres.pop();
-    assert!(render::<lenslet_views::Error>(&fewer, &TARGET, &Options::default(), &mut sink, &Silent).is_err());
-    let options = Options { views: Some(vec![(5, 0)]), ..Options::default() };
-    assert!(render(&good, &TARGET, &options, &mut sink, &Silent).is_err());
+    assert!(SampleSet::hexagonal(&fewer, &TARGET).is_err());
+    let refined = |samples, options: Options| -> Result<RefinedViews, lenslet_views::Error> {
+        RefinedViews::estimate(SampleSet::hexagonal(samples, &TARGET)?, &options, &Silent)
+    };
+    assert!(refined(&good, Options::default()).unwrap().render_view(5, 0).is_err());
     let options = Options { known: Some(Array2::from_elem((3, 3), f32::NAN)), ..Options::default() };
-    assert!(render(&good, &TARGET, &options, &mut sink, &Silent).is_err());
+    assert!(refined(&good, options).is_err());
     let mut strange = good.clone();
     strange.values.fill(f32::NAN);
-    let _ = render(&strange, &TARGET, &Options::default(), &mut sink, &Silent);
+    let _ = refined(&strange, Options::default()).and_then(|views| views.render_view(2, 2));
     assert!(hidden_score::<lenslet_views::Error>(&good, &TARGET, 0.9, 1, (2, 2), &mut |_| unreachable!()).is_err());
     assert!(hidden_score::<lenslet_views::Error>(&good, &TARGET, 0.1, 1, (9, 2), &mut |_| unreachable!()).is_err());
 }

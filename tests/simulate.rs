@@ -12,7 +12,7 @@ use lenslet_core::lightfield::{self, ColourSpace, ReadOptions, colour};
 use lenslet_core::metrics;
 use lenslet_core::progress::Silent;
 use lenslet_data_gen::simulate::{self, Camera, Kind, Lenslets, Options, Scene, Simulation};
-use lenslet_views::{Method, RenderOptions, Target};
+use lenslet_views::{Method, RenderSamples as _, Target};
 use ndarray::{Array2, Array3, s};
 
 fn lenslet(arguments: &[&str]) -> Output {
@@ -37,24 +37,7 @@ fn central(simulation: &Simulation, found: &Calibration) -> HexSamples {
 
 /// The central view by `method`, sRGB-encoded.
 fn view(samples: &HexSamples, target: Target, method: Method) -> Array3<f32> {
-    let mut views = Vec::new();
-    let mut keep = |_: usize, _: usize, view: &Array3<f32>| {
-        views.push(view.clone());
-        Ok(())
-    };
-    lenslet_views::render::<lenslet_views::Error>(
-        samples,
-        &target,
-        method,
-        &RenderOptions::default(),
-        &mut keep,
-        &Silent,
-    )
-    .unwrap();
-    let mut view = views.pop().unwrap();
-    view.mapv_inplace(|v| v.clamp(0.0, 1.0));
-    colour::convert(&mut view, ColourSpace::Linear, ColourSpace::Srgb);
-    view
+    samples.renderer(method).size(target).prepare().unwrap().view(0, 0).unwrap().encode().into_pixels()
 }
 
 fn luminance_psnr(a: &Array3<f32>, b: &Array3<f32>) -> f64 {
@@ -79,7 +62,7 @@ fn calibration_finds_the_true_centres_and_methods_come_in_their_order() {
     let samples = central(&simulation, &found);
     let target = Target { width: size.0, height: size.1 };
     let psnr = |method| luminance_psnr(&view(&samples, target, method), &truth);
-    let (bicubic, barycentric, learned) = (psnr(Method::Bicubic), psnr(Method::Barycentric), psnr(Method::Learned));
+    let (bicubic, barycentric, learned) = (psnr(Method::bicubic()), psnr(Method::barycentric()), psnr(Method::barycentric().learned()));
     println!("bicubic {bicubic:.2} dB, barycentric {barycentric:.2} dB, learned {learned:.2} dB");
     assert!(bicubic > 20.0 && barycentric > bicubic + 0.5, "{bicubic} {barycentric}");
     assert!(learned > barycentric + 0.3, "{barycentric} {learned}");

@@ -6,6 +6,7 @@ use std::str::FromStr;
 use anyhow::{Result, bail};
 use lenslet_core::calibration::CalibrationVariant;
 use lenslet_core::decode::{Demosaic, Step, default_steps};
+use lenslet_core::interpolation::Interpolation;
 use lenslet_data_gen::simulate::Kind;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
@@ -110,6 +111,17 @@ pub enum Way {
     LearnedMultiview,
 }
 
+impl From<Interpolation> for Way {
+    fn from(interpolation: Interpolation) -> Way {
+        match interpolation {
+            Interpolation::Bicubic => Way::Bicubic,
+            Interpolation::Barycentric => Way::Barycentric,
+            Interpolation::Cubic => Way::Cubic,
+            Interpolation::Multiview => Way::Multiview,
+        }
+    }
+}
+
 impl Way {
     /// Name in tables.
     pub fn name(self) -> &'static str {
@@ -121,6 +133,11 @@ impl Way {
             Way::Learned => "learned",
             Way::LearnedMultiview => "learned on multiview",
         }
+    }
+
+    /// The interpolation that it is; none where it stands on another's views.
+    pub fn interpolation(self) -> Option<Interpolation> {
+        Interpolation::ALL.into_iter().find(|&interpolation| Way::from(interpolation) == self)
     }
 
     const ALL: [Way; 6] =

@@ -5,17 +5,16 @@ use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::time::Instant;
 
-use anyhow::{Context as _, Result, bail, ensure};
+use anyhow::{Context as _, Result};
 use lenslet_core::decode::HexSamples;
-use lenslet_core::dictionary::{Dictionary, Footprint, Interpolation};
-use lenslet_core::lightfield::{ColourSpace, colour};
+use lenslet_core::dictionary::{Dictionary, Footprint};
+use lenslet_core::lightfield::View;
 use lenslet_core::progress::Observer;
-use ndarray::{Array3, Axis};
+use ndarray::Array3;
 
 use super::matrix::Way;
-use lenslet_views::interpolate::{barycentric, bicubic, cubic};
 use lenslet_views::reconstruct;
-use lenslet_views::{Target, multiview};
+use lenslet_views::{InterpolatedViews, LearnedViews, Target};
 
 /// Views of linear light, and what they cost.
 pub(super) struct Rendered {
@@ -64,12 +63,7 @@ impl Kept {
 fn base(way: Way, dictionary: Option<&Dictionary>) -> Result<Way> {
     let trained_on = || {
         let model = dictionary.and_then(|d| d.model(Footprint::Point)).context("a learned way needs a dictionary")?;
-        Ok(match model.base {
-            Interpolation::Barycentric => Way::Barycentric,
-            Interpolation::Cubic => Way::Cubic,
-            Interpolation::Bicubic => Way::Bicubic,
-            Interpolation::Multiview => Way::Multiview,
-        })
+        Ok(Way::from(model.base))
     };
     match way {
         Way::LearnedMultiview => Ok(Way::Multiview),
@@ -114,34 +108,14 @@ fn interpolated(
     wanted: &[(usize, usize)],
     observer: &dyn Observer,
 ) -> Result<Vec<Array3<f32>>> {
-    let values = |&(v, u): &(usize, usize)| samples.values.index_axis(Axis(0), v * samples.views + u);
-    match way {
-        Way::Bicubic => {
-            let prepared = bicubic::prepare(samples, target)?;
-            wanted.iter().map(|at| Ok(bicubic::view(&prepared, values(at))?)).collect()
-        }
-        Way::Barycentric => {
-            let prepared = barycentric::prepare(samples, target)?;
-            wanted.iter().map(|at| Ok(barycentric::view(&prepared, values(at))?)).collect()
-        }
-        Way::Cubic => {
-            let prepared = cubic::prepare(samples, target)?;
-            wanted.iter().map(|at| Ok(cubic::view(&prepared, values(at))?)).collect()
-        }
-        Way::Multiview => {
-            let options = multiview::Options { views: Some(wanted.to_vec()), ..multiview::Options::default() };
-            let mut images = vec![None; wanted.len()];
-            let mut sink = |v: usize, u: usize, image: &Array3<f32>| {
-                for (slot, _) in images.iter_mut().zip(wanted).filter(|(_, at)| **at == (v, u)) {
-                    *slot = Some(image.clone());
-                }
-                Ok(())
-            };
-            multiview::render::<lenslet_views::Error>(samples, target, &options, &mut sink, observer)?;
-            images.into_iter().map(|image| image.context("a view was not rendered")).collect()
-        }
-        Way::Learned | Way::LearnedMultiview => bail!("{} starts from other views", way.name()),
-    }
+    let interpolation = way.interpolation().with_context(|| format!("{} starts from other views", way.name()))?;
+    let mut images = Vec::new();
+    let mut keep = |_: usize, _: usize, view: View| -> Result<()> {
+        images.push(view.into_pixels());
+        Ok(())
+    };
+    InterpolatedViews::prepare(samples, interpolation, target, observer)?.render_views(wanted, &mut keep, observer)?;
+    Ok(images)
 }
 
 /// Views that `base` made of the samples, reconstructed.
@@ -155,20 +129,13 @@ fn sharpened(
 ) -> Result<Vec<Array3<f32>>> {
     // The truth is what a lenslet sees, so a sample is the truth at a point.
     let options = reconstruct::Options { footprint: Footprint::Point, ..reconstruct::Options::default() };
-    let reconstructor = reconstruct::Reconstructor::new(dictionary, &options)?;
-    let made = if base == Way::Multiview { Interpolation::Multiview } else { Interpolation::Barycentric };
-    let faithful =
-        reconstruct::DataConsistent::new(&reconstructor, samples, made, (target.width, target.height), None)?;
+    let interpolation = base.interpolation().context("learned reconstruction starts from interpolated views")?;
+    let learned = LearnedViews::prepare(samples, interpolation, target, dictionary, &options, observer)?;
     low.iter()
         .zip(wanted)
-        .map(|(view, &(v, u))| {
-            ensure!(!observer.cancelled(), super::Interrupted);
-            let mut view = view.clone();
-            colour::convert(&mut view, ColourSpace::Linear, ColourSpace::Srgb);
-            view.mapv_inplace(|x| x.clamp(0.0, 1.0));
-            let mut sharp = faithful.view(&view, samples.values.index_axis(Axis(0), v * samples.views + u))?;
-            colour::convert(&mut sharp, ColourSpace::Srgb, ColourSpace::Linear);
-            Ok(sharp)
+        .map(|(pixels, &(v, u))| {
+            observer.check()?;
+            Ok(learned.reconstruct_view(&View::new(pixels.clone()), v, u)?.into_pixels())
         })
         .collect()
 }

@@ -10,9 +10,11 @@ use anyhow::Context as _;
 use lenslet_core::calibration::Calibration;
 use lenslet_core::container::{self, Capture};
 use lenslet_core::decode::{self, Demosaic, HexSamples, Step, WhiteBalance, npz};
-use lenslet_core::lightfield::{self, Meta};
+use lenslet_core::dictionary::Footprint;
+use lenslet_core::interpolation::Interpolation;
+use lenslet_core::lightfield::{self, Meta, View};
 use lenslet_core::progress::Observer;
-use lenslet_views::{Method, RenderOptions, Target};
+use lenslet_views::{Learned, Method, Renderer, Target, reconstruct};
 use serde_json::{Value, json};
 
 use super::written::Written;
@@ -41,10 +43,10 @@ pub struct Args {
     written: Written,
     /// How views are made: bicubic, barycentric, cubic, multiview or learned
     #[arg(short, long, default_value = "cubic", value_name = "METHOD")]
-    method: Method,
+    method: MethodName,
     /// What learned reconstruction starts from: barycentric, cubic or multiview
     #[arg(long, value_name = "METHOD")]
-    base: Option<Method>,
+    base: Option<Interpolation>,
     /// What learned reconstruction takes a sample for: a point of the view, or the mean over the lenslet, which it then
     /// sharpens as well (and the noise with it)
     #[arg(long, default_value = "point", value_parser = ["point", "lenslet"])]
@@ -90,6 +92,35 @@ pub struct Args {
 enum Without {
     Step(Step),
     Recentring,
+}
+
+/// `--method`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum MethodName {
+    Interpolation(Interpolation),
+    Learned,
+}
+
+impl MethodName {
+    fn name(self) -> &'static str {
+        match self {
+            MethodName::Interpolation(interpolation) => interpolation.name(),
+            MethodName::Learned => "learned",
+        }
+    }
+}
+
+impl std::str::FromStr for MethodName {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        match name {
+            "learned" => Ok(MethodName::Learned),
+            _ => name.parse().map(MethodName::Interpolation).map_err(|_| {
+                format!("no method \"{name}\": one of bicubic, barycentric, cubic, multiview, learned")
+            }),
+        }
+    }
 }
 
 /// `--size`.
@@ -208,11 +239,29 @@ impl Args {
             return Err(Usage("--sample-noise must be 0 to 1".into()).into());
         }
         match (self.method, self.base) {
-            (Method::Learned, Some(Method::Bicubic | Method::Learned)) => {
+            (MethodName::Learned, Some(Interpolation::Bicubic)) => {
                 Err(Usage("--base must be barycentric, cubic or multiview".into()).into())
             }
-            (Method::Learned, _) | (_, None) => Ok(()),
-            (method, Some(_)) => Err(Usage(format!("--base goes with --method learned, not {method}")).into()),
+            (MethodName::Learned, _) | (_, None) => Ok(()),
+            (MethodName::Interpolation(method), Some(_)) => {
+                Err(Usage(format!("--base goes with --method learned, not {method}")).into())
+            }
+        }
+    }
+
+    /// What learned reconstruction starts from: barycentric views are what the default dictionary was trained on.
+    fn base(&self) -> Interpolation {
+        self.base.unwrap_or(Interpolation::Barycentric)
+    }
+
+    fn method(&self) -> Method {
+        match self.method {
+            MethodName::Interpolation(interpolation) => interpolation.into(),
+            MethodName::Learned => {
+                let footprint = if self.footprint == "lenslet" { Footprint::Lenslet } else { Footprint::Point };
+                let options = reconstruct::Options { noise: self.sample_noise, footprint, ..Default::default() };
+                Method::from(self.base()).learned_with(Learned { options, ..Learned::default() })
+            }
         }
     }
 }
@@ -286,24 +335,19 @@ fn one(args: &Args, job: &Job, shelf: &mut Shelf, context: &Context) -> anyhow::
     let size = meta.size;
     let mut sink = lightfield::create(&job.out, meta, job.format, args.written.force)?;
     let target = Target { width: size[1], height: size[0] };
-    let mut rendering =
-        RenderOptions { base: args.base.unwrap_or(RenderOptions::default().base), ..RenderOptions::default() };
-    rendering.infer.noise = args.sample_noise;
-    if args.footprint == "lenslet" {
-        rendering.infer.footprint = lenslet_core::dictionary::Footprint::Lenslet;
-    }
+    let renderer = Renderer::prepare(&samples, &args.method(), target, progress)?;
     let mut writing = std::time::Duration::ZERO;
-    let mut put = |v: usize, u: usize, view: &ndarray::Array3<f32>| -> anyhow::Result<()> {
+    let mut put = |v: usize, u: usize, view: View| -> anyhow::Result<()> {
         let begin = Instant::now();
         if args.written.linear {
-            sink.write(v, u, view)?;
+            sink.write(v, u, view.pixels())?;
         } else {
-            sink.write(v, u, &lenslet_views::encode::srgb(view))?;
+            sink.write(v, u, view.encode().pixels())?;
         }
         writing += begin.elapsed();
         Ok(())
     };
-    lenslet_views::render(&samples, &target, args.method, &rendering, &mut put, progress)?;
+    renderer.render_all(&mut put)?;
     progress.check()?;
     let kept = if args.no_samples { None } else { Some(keep_samples(args, job, &*sink, &samples)?) };
     let begin = Instant::now();
@@ -372,7 +416,7 @@ fn describe_views(
         "calibration": reason,
         "calibration_sources": calibration.origin.sources,
         "method": args.method.name(),
-        "base": (args.method == Method::Learned).then(|| args.base.unwrap_or(RenderOptions::default().base).name()),
+        "base": (args.method == MethodName::Learned).then(|| args.base().name()),
         "view_step": args.view_step,
         "steps": options.steps.iter().map(|s| format!("{s:?}")).collect::<Vec<_>>(),
         "white_balance": format!("{:?}", args.white_balance),

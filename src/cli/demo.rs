@@ -10,17 +10,17 @@ use lenslet::report::{Page, Picture, Stage, Table, plot};
 use lenslet_core::calibration::{self, Calibration};
 use lenslet_core::decode::{self, HexSamples};
 use lenslet_core::dictionary::Interpolation;
-use lenslet_core::lightfield::{ColourSpace, colour};
+use lenslet_core::lightfield::{ColourSpace, View, colour};
 use lenslet_core::metrics::{BORDER, Scores, Window};
 use lenslet_core::output::{self, Pending};
 use lenslet_core::progress::Observer;
 use lenslet_data_gen::simulate::{self, Camera, Kind, Lenslets, Options, Scene, Truth};
 use lenslet_views::reconstruct;
-use lenslet_views::{Method, RenderOptions, Target, encode, multiview};
+use lenslet_views::{InterpolatedViews, LearnedViews, Target};
 use ndarray::{Array3, Axis};
 use serde_json::{Value, json};
 
-use super::{Context, Interrupted, Outcome, Usage};
+use super::{Context, Outcome, Usage};
 
 mod play;
 
@@ -61,6 +61,14 @@ struct Reconstruction {
     views: Vec<Array3<f32>>,
     seconds: f64,
     scores: Vec<Scores>,
+}
+
+impl Reconstruction {
+    fn new(name: &'static str, about: &'static str, views: &[View], began: Instant) -> Self {
+        let seconds = began.elapsed().as_secs_f64();
+        let views = views.iter().map(|view| view.encode().into_pixels()).collect();
+        Reconstruction { name, about, views, seconds, scores: Vec::new() }
+    }
 }
 
 /// What calibration found beside what is true.
@@ -105,9 +113,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     for result in &mut results {
         result.scores = result.views.iter().zip(&truth).map(|(a, b)| score(a, b)).collect::<anyhow::Result<_>>()?;
     }
-    if observer.cancelled() {
-        return Err(Interrupted.into());
-    }
+    observer.check()?;
     write_pictures(&root, &results, &truth[0])?;
     let played = play::write(&root, &samples, &Target { width: size.0, height: size.1 }, observer)?;
     let seconds = began.elapsed().as_secs_f64();
@@ -133,86 +139,55 @@ fn calibrate(
     Ok(Calibrated { truth: simulation.centres.len(), rms, seconds: began.elapsed().as_secs_f64(), found })
 }
 
+/// What the report says of each interpolation.
+const INTERPOLATIONS: [(Interpolation, &str); 4] = [
+    (Interpolation::Bicubic, "low-resolution grid, then bicubic (paper 4.1)"),
+    (Interpolation::Barycentric, "on the triangulated lenslets (paper 4.2)"),
+    (Interpolation::Cubic, "smooth surface through the same samples"),
+    (Interpolation::Multiview, "samples of all views at their true places (paper 4.3)"),
+];
+
+/// What the report says of learned reconstruction on each interpolation.
+const LEARNED: [(&str, Interpolation, &str); 2] = [
+    ("learned", Interpolation::Barycentric, "dictionary reconstruction of the barycentric views (paper 4.4)"),
+    (
+        "learned on multiview",
+        Interpolation::Multiview,
+        "dictionary reconstruction of the refined views (paper 4.3, then 4.4)",
+    ),
+];
+
 /// Every method on the scored views.
 fn reconstruct(samples: &HexSamples, target: &Target, observer: &dyn Observer) -> anyhow::Result<Vec<Reconstruction>> {
     let mut results = Vec::new();
-    for (method, name, about) in [
-        (Method::Bicubic, "bicubic", "low-resolution grid, then bicubic (paper 4.1)"),
-        (Method::Barycentric, "barycentric", "on the triangulated lenslets (paper 4.2)"),
-        (Method::Cubic, "cubic", "smooth surface through the same samples"),
-    ] {
+    let mut low: Vec<(Interpolation, Vec<View>)> = Vec::new();
+    for (interpolation, about) in INTERPOLATIONS {
         let began = Instant::now();
         let mut views = Vec::new();
-        for (v, u) in SCORED {
-            let options = RenderOptions::default();
-            lenslet_views::render(&single(samples, v, u), target, method, &options, &mut keep(&mut views), observer)?;
-        }
-        results.push(Reconstruction { name, about, views, seconds: began.elapsed().as_secs_f64(), scores: Vec::new() });
+        let prepared = InterpolatedViews::prepare(samples, interpolation, target, observer)?;
+        let mut keep = |_: usize, _: usize, view: View| -> anyhow::Result<()> {
+            views.push(view);
+            Ok(())
+        };
+        prepared.render_views(&SCORED, &mut keep, observer)?;
+        results.push(Reconstruction::new(interpolation.name(), about, &views, began));
+        low.push((interpolation, views));
     }
-    let began = Instant::now();
-    let mut views = Vec::new();
-    let options = multiview::Options { views: Some(SCORED.to_vec()), ..multiview::Options::default() };
-    multiview::render(samples, target, &options, &mut keep(&mut views), observer)?;
-    let about = "samples of all views at their true places (paper 4.3)";
-    results.push(Reconstruction {
-        name: "multiview",
-        about,
-        views,
-        seconds: began.elapsed().as_secs_f64(),
-        scores: Vec::new(),
-    });
-    for (name, about, base, from) in [
-        (
-            "learned",
-            "dictionary reconstruction of the barycentric views (paper 4.4)",
-            Interpolation::Barycentric,
-            "barycentric",
-        ),
-        (
-            "learned on multiview",
-            "dictionary reconstruction of the refined views (paper 4.3, then 4.4)",
-            Interpolation::Multiview,
-            "multiview",
-        ),
-    ] {
+    for (name, interpolation, about) in LEARNED {
         let began = Instant::now();
-        let dictionary = reconstruct::embedded_for(base)?;
-        let reconstructor = reconstruct::Reconstructor::new(&dictionary, &reconstruct::Options::default())?;
-        let size = (target.width, target.height);
-        let faithful = reconstruct::DataConsistent::new(&reconstructor, samples, base, size, None)?;
+        let dictionary = reconstruct::embedded_for(interpolation)?;
+        let options = reconstruct::Options::default();
+        let prepared = LearnedViews::prepare(samples, interpolation, target, &dictionary, &options, observer)?;
         observer.begin(name, SCORED.len() as u64);
         let mut views = Vec::new();
-        for (view, (v, u)) in results.iter().filter(|r| r.name == from).flat_map(|r| &r.views).zip(SCORED) {
-            if observer.cancelled() {
-                return Err(Interrupted.into());
-            }
-            views.push(faithful.view(view, samples.values.index_axis(Axis(0), v * samples.views + u))?);
+        for (view, (v, u)) in low.iter().filter(|l| l.0 == interpolation).flat_map(|l| &l.1).zip(SCORED) {
+            observer.check()?;
+            views.push(prepared.reconstruct_view(view, v, u)?);
             observer.advance(1);
         }
-        results.push(Reconstruction { name, about, views, seconds: began.elapsed().as_secs_f64(), scores: Vec::new() });
+        results.push(Reconstruction::new(name, about, &views, began));
     }
     Ok(results)
-}
-
-/// A sink that keeps views, sRGB-encoded.
-fn keep(views: &mut Vec<Array3<f32>>) -> impl FnMut(usize, usize, &Array3<f32>) -> anyhow::Result<()> {
-    |_, _, view| {
-        views.push(encode::srgb(view));
-        Ok(())
-    }
-}
-
-/// The samples of view (row `v`, column `u`) alone.
-fn single(samples: &HexSamples, v: usize, u: usize) -> HexSamples {
-    let k = v * samples.views + u;
-    HexSamples {
-        views: 1,
-        values: samples.values.index_axis(Axis(0), k).insert_axis(Axis(0)).to_owned(),
-        centres: samples.centres.clone(),
-        index: samples.index.clone(),
-        weights: vec![samples.weights[k]],
-        ..*samples
-    }
 }
 
 fn score(result: &Array3<f32>, truth: &Array3<f32>) -> anyhow::Result<Scores> {

@@ -6,7 +6,6 @@ use lenslet_core::decode::{HexSamples, npz};
 use lenslet_core::dictionary::{Footprint, Interpolation};
 use lenslet_core::lightfield::{self, ColourSpace, Meta, ReadOptions};
 use lenslet_core::progress::Observer;
-use lenslet_views::Method;
 use lenslet_views::reconstruct::{self, Enlargement, Mode, Options, Reconstructor};
 use serde_json::json;
 
@@ -141,7 +140,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let format = args.written.format();
     let mut sink = lightfield::create(&args.written.out, meta.clone(), format, args.written.force)?;
     let began = std::time::Instant::now();
-    reconstruct::light_field(
+    reconstruct::reconstruct_light_field(
         &*source,
         &mut *sink,
         meta.colour,
@@ -167,7 +166,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
 
 /// The dictionary inside the program for a light field that says how its views were made.
 fn own(meta: &Meta) -> &'static str {
-    let refined = meta.method.as_deref() == Some(Method::Multiview.name());
+    let refined = meta.method.as_deref() == Some(Interpolation::Multiview.name());
     reconstruct::name_for(if refined { Interpolation::Multiview } else { Interpolation::Barycentric })
 }
 

@@ -7,7 +7,7 @@ use lenslet_core::decode::{HexSamples, npz};
 use lenslet_core::lightfield::{self, ColourSpace, LightField, ReadOptions, colour};
 use lenslet_core::progress::Observer as _;
 use lenslet_views::Target;
-use lenslet_views::multiview::{self, Bundle, Options};
+use lenslet_views::multiview::{Options, RefinedViews, SampleSet};
 use lenslet_views::reconstruct::Enlargement;
 use ndarray::Array3;
 use serde_json::json;
@@ -84,20 +84,20 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         "tool": "lenslet", "version": env!("CARGO_PKG_VERSION"), "command": "refine", "input": input, "scale": scale,
     }));
     let target = Target { width: meta.size[1], height: meta.size[0] };
-    let bundle = match &given {
-        Given::Samples(samples) => Bundle::hexagonal(samples, &target)?,
-        Given::Field(field) => Bundle::rectangular(field, &target)?,
+    let set = match &given {
+        Given::Samples(samples) => SampleSet::hexagonal(samples, &target)?,
+        Given::Field(field) => SampleSet::rectangular(field, &target)?,
     };
     let mut sink = lightfield::create(&args.written.out, meta.clone(), args.written.format(), args.written.force)?;
     let began = Instant::now();
     let to = meta.colour;
-    let mut keep = |v: usize, u: usize, view: &Array3<f32>| {
-        let mut view = view.clone();
-        colour::convert(&mut view, from, to);
-        sink.write(v, u, &view)?;
-        Ok(())
+    let mut keep = |v: usize, u: usize, mut pixels: Array3<f32>| -> Result<(), lenslet_views::Error> {
+        colour::convert(&mut pixels, from, to);
+        Ok(sink.write(v, u, &pixels)?)
     };
-    multiview::render_bundle::<lenslet_views::Error>(&bundle, &Options::default(), &mut keep, &context.progress)?;
+    let all: Vec<_> = (0..rows * columns).map(|k| (k / columns, k % columns)).collect();
+    RefinedViews::estimate(set, &Options::default(), &context.progress)?
+        .render_views(&all, &mut keep, &context.progress)?;
     let seconds = began.elapsed().as_secs_f64();
     context.progress.check()?;
     sink.finish()?;

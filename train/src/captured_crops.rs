@@ -7,18 +7,18 @@ use std::path::PathBuf;
 use lenslet_core::calibration;
 use lenslet_core::decode;
 use lenslet_core::dictionary::{Footprint, Interpolation, Photo};
-use lenslet_core::lightfield::{ColourSpace, colour};
+use lenslet_core::lightfield::{ColourSpace, View, colour};
 use lenslet_core::metrics::{BORDER, luminance};
 use lenslet_core::progress::{Observer, Silent};
 use lenslet_data_gen::pairs::{Crop, find_photos, load_photo};
 use lenslet_data_gen::simulate::{self, Camera, Kind, Scene};
-use ndarray::{Array2, Array3, Axis, s};
+use ndarray::{Array2, Axis, s};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
 use crate::{Data, Error, Parameters};
 use lenslet_views::reconstruct::Measurements;
-use lenslet_views::{Target, encode, multiview};
+use lenslet_views::{InterpolatedViews, Target};
 
 /// Photos that share a scene.
 const PHOTOS: usize = 3;
@@ -150,10 +150,9 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
     let alone: &[Interpolation] = parameters.network.as_ref().map_or(&[], |n| &n.beside);
     let truth = Measurements::new(&samples, Footprint::Point, parameters.pitch, size, None, alone)?;
     let (mut refined, mut beside) = (Vec::new(), Vec::new());
-    let wanted = multiview::Options { views: Some(views.clone()), ..multiview::Options::default() };
-    let mut keep = |v: usize, u: usize, view: &Array3<f32>| {
+    let mut keep = |v: usize, u: usize, view: View| {
         let values = samples.values.index_axis(Axis(0), v * VIEWS + u);
-        refined.push(truth.project_onto_samples(&luminance(encode::srgb(view).view()), values, true)?);
+        refined.push(truth.project_onto_samples(&luminance(view.encode().pixels().view()), values, true)?);
         beside.push(
             alone
                 .iter()
@@ -162,7 +161,8 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
         );
         Ok::<(), lenslet_views::Error>(())
     };
-    multiview::render(&samples, &target, &wanted, &mut keep, &Silent)?;
+    InterpolatedViews::prepare(&samples, Interpolation::Multiview, &target, &Silent)?
+        .render_views(&views, &mut keep, &Silent)?;
 
     let truths: Vec<Array2<f32>> = views
         .iter()

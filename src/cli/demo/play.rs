@@ -7,9 +7,11 @@ use lenslet::apps::{picture, relief, viewer};
 use lenslet::disparity;
 use lenslet::report::{Picture, picture::strip};
 use lenslet_core::decode::HexSamples;
+use lenslet_core::interpolation::Interpolation;
+use lenslet_core::lightfield::View;
 use lenslet_core::output;
 use lenslet_core::progress::Observer;
-use lenslet_views::{Method, RenderOptions, Target, multiview};
+use lenslet_views::{RenderSamples as _, Target, multiview};
 use ndarray::{Array3, Array5, s};
 
 /// The page, and the pictures of the report.
@@ -33,12 +35,9 @@ pub(super) fn write(
 ) -> anyhow::Result<Pictures> {
     let n = samples.views;
     let mut field = Stack::new(n);
-    let options = RenderOptions::default();
-    let mut sink = |v: usize, u: usize, view: &Array3<f32>| field.put(v, u, view);
-    lenslet_views::render(samples, target, Method::Barycentric, &options, &mut sink, observer)?;
+    samples.renderer(Interpolation::Barycentric).size(*target).observer(observer).prepare()?.render_all(&mut |v, u, view: View| field.put(v, u, view.pixels()))?;
     let plain = viewer::set("barycentric", &field.data.view(), SIDE);
-    let mut sink = |v: usize, u: usize, view: &Array3<f32>| field.put(v, u, view);
-    multiview::render(samples, target, &multiview::Options::default(), &mut sink, observer)?;
+    samples.renderer(Interpolation::Multiview).size(*target).observer(observer).prepare()?.render_all(&mut |v, u, view: View| field.put(v, u, view.pixels()))?;
     let data = field.data.view();
     let found = disparity::estimate(&data, &disparity::Options::shown(), observer)?;
     let front = multiview::front_of(&data, &found.disparity)?;
