@@ -110,8 +110,7 @@ fn learned(
 ) -> anyhow::Result<Vec<View>> {
     let dictionary = reconstruct::embedded_for(Interpolation::Multiview)?;
     let options = reconstruct::Options::default();
-    let learned =
-        LearnedViews::prepare(samples, Interpolation::Multiview, target, &dictionary, &options, &Silent)?;
+    let learned = LearnedViews::prepare(samples, Interpolation::Multiview, target, &dictionary, &options, &Silent)?;
     wanted.iter().zip(refined).map(|(&(v, u), view)| Ok(learned.reconstruct_view(view, v, u)?)).collect()
 }
 
@@ -268,7 +267,8 @@ fn real(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
     for method in METHODS.into_iter().filter(|_| !a.quick) {
         let score = multiview::hidden_score::<anyhow::Error>(&samples, &target, 0.1, 1, middle, &mut |rest| {
             let interpolation = method.parse().unwrap_or(Interpolation::Multiview);
-            let view = InterpolatedViews::prepare(rest, interpolation, &target, &Silent)?.render_view(middle.0, middle.1)?;
+            let view =
+                InterpolatedViews::prepare(rest, interpolation, &target, &Silent)?.render_view(middle.0, middle.1)?;
             if method != "learned" {
                 return Ok(view.into_pixels());
             }

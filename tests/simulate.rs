@@ -62,7 +62,8 @@ fn calibration_finds_the_true_centres_and_methods_come_in_their_order() {
     let samples = central(&simulation, &found);
     let target = Target { width: size.0, height: size.1 };
     let psnr = |method| luminance_psnr(&view(&samples, target, method), &truth);
-    let (bicubic, barycentric, learned) = (psnr(Method::bicubic()), psnr(Method::barycentric()), psnr(Method::barycentric().learned()));
+    let (bicubic, barycentric, learned) =
+        (psnr(Method::bicubic()), psnr(Method::barycentric()), psnr(Method::barycentric().learned()));
     println!("bicubic {bicubic:.2} dB, barycentric {barycentric:.2} dB, learned {learned:.2} dB");
     assert!(bicubic > 20.0 && barycentric > bicubic + 0.5, "{bicubic} {barycentric}");
     assert!(learned > barycentric + 0.3, "{barycentric} {learned}");

@@ -116,9 +116,10 @@ impl std::str::FromStr for MethodName {
     fn from_str(name: &str) -> Result<Self, String> {
         match name {
             "learned" => Ok(MethodName::Learned),
-            _ => name.parse().map(MethodName::Interpolation).map_err(|_| {
-                format!("no method \"{name}\": one of bicubic, barycentric, cubic, multiview, learned")
-            }),
+            _ => name
+                .parse()
+                .map(MethodName::Interpolation)
+                .map_err(|_| format!("no method \"{name}\": one of bicubic, barycentric, cubic, multiview, learned")),
         }
     }
 }

@@ -96,8 +96,11 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         Ok(sink.write(v, u, &pixels)?)
     };
     let all: Vec<_> = (0..rows * columns).map(|k| (k / columns, k % columns)).collect();
-    RefinedViews::estimate(set, &Options::default(), &context.progress)?
-        .render_views(&all, &mut keep, &context.progress)?;
+    RefinedViews::estimate(set, &Options::default(), &context.progress)?.render_views(
+        &all,
+        &mut keep,
+        &context.progress,
+    )?;
     let seconds = began.elapsed().as_secs_f64();
     context.progress.check()?;
     sink.finish()?;

@@ -35,9 +35,19 @@ pub(super) fn write(
 ) -> anyhow::Result<Pictures> {
     let n = samples.views;
     let mut field = Stack::new(n);
-    samples.renderer(Interpolation::Barycentric).size(*target).observer(observer).prepare()?.render_all(&mut |v, u, view: View| field.put(v, u, view.pixels()))?;
+    samples
+        .renderer(Interpolation::Barycentric)
+        .size(*target)
+        .observer(observer)
+        .prepare()?
+        .render_all(&mut |v, u, view: View| field.put(v, u, view.pixels()))?;
     let plain = viewer::set("barycentric", &field.data.view(), SIDE);
-    samples.renderer(Interpolation::Multiview).size(*target).observer(observer).prepare()?.render_all(&mut |v, u, view: View| field.put(v, u, view.pixels()))?;
+    samples
+        .renderer(Interpolation::Multiview)
+        .size(*target)
+        .observer(observer)
+        .prepare()?
+        .render_all(&mut |v, u, view: View| field.put(v, u, view.pixels()))?;
     let data = field.data.view();
     let found = disparity::estimate(&data, &disparity::Options::shown(), observer)?;
     let front = multiview::front_of(&data, &found.disparity)?;

@@ -58,7 +58,12 @@ pub(super) const OWN: f32 = 2.0;
 const TOLERANCE: f32 = 0.6;
 
 /// The samples of the view itself.
-pub(super) fn own_samples(set: &SampleSet, disparities: &ViewDisparities, at: (usize, usize), size: (usize, usize)) -> Vec<Ray> {
+pub(super) fn own_samples(
+    set: &SampleSet,
+    disparities: &ViewDisparities,
+    at: (usize, usize),
+    size: (usize, usize),
+) -> Vec<Ray> {
     let first = (at.0 * disparities.columns + at.1) * set.points.len();
     let (right, bottom) = ((size.0 - 1) as f32, (size.1 - 1) as f32);
     let inside = |p: &[f32; 2]| p[0] >= 0.0 && p[1] >= 0.0 && p[0] < right && p[1] < bottom;
@@ -67,7 +72,12 @@ pub(super) fn own_samples(set: &SampleSet, disparities: &ViewDisparities, at: (u
 }
 
 /// Where every sample of every other view lies in the target view, leaving out what is hidden there.
-pub(super) fn other_samples(set: &SampleSet, disparities: &ViewDisparities, at: (usize, usize), size: (usize, usize)) -> Vec<Ray> {
+pub(super) fn other_samples(
+    set: &SampleSet,
+    disparities: &ViewDisparities,
+    at: (usize, usize),
+    size: (usize, usize),
+) -> Vec<Ray> {
     let views = (disparities.rows, disparities.columns);
     let target_view = at.0 * views.1 + at.1;
     let target = step(views, target_view);

@@ -54,7 +54,8 @@ impl<'a> SampleSet<'a> {
             views == samples.views * samples.views && count == n,
             "the samples contradict each other: {views} views of {count} values at {n} places"
         );
-        let single_view = SingleView::Mesh(Cubic::new(&samples.centres, samples.sensor, (target.width, target.height))?);
+        let single_view =
+            SingleView::Mesh(Cubic::new(&samples.centres, samples.sensor, (target.width, target.height))?);
         let (fx, fy) = (target.width as f64 / samples.sensor.0 as f64, target.height as f64 / samples.sensor.1 as f64);
         let points = samples
             .centres

@@ -11,7 +11,11 @@ use super::view_disparities::ViewDisparities;
 use crate::Error;
 
 /// Renders the view `at` (row, column).
-pub(super) fn render_view(set: &SampleSet, disparities: &ViewDisparities, at: (usize, usize)) -> Result<Array3<f32>, Error> {
+pub(super) fn render_view(
+    set: &SampleSet,
+    disparities: &ViewDisparities,
+    at: (usize, usize),
+) -> Result<Array3<f32>, Error> {
     let prior = set.single(at.0, at.1)?;
     let (h, w, c) = prior.dim();
     if w < 2 || h < 2 {

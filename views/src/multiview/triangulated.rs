@@ -10,7 +10,11 @@ use super::view_disparities::ViewDisparities;
 use crate::Error;
 
 /// Renders the view `at` (row, column).
-pub(super) fn render_view(set: &SampleSet, disparities: &ViewDisparities, at: (usize, usize)) -> Result<Array3<f32>, Error> {
+pub(super) fn render_view(
+    set: &SampleSet,
+    disparities: &ViewDisparities,
+    at: (usize, usize),
+) -> Result<Array3<f32>, Error> {
     let size = (set.target.width, set.target.height);
     let c = set.channels();
     if size.0 < 2 || size.1 < 2 {

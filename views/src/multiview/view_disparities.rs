@@ -64,4 +64,3 @@ pub(super) fn step(views: (usize, usize), k: usize) -> [f32; 2] {
     let (v, u) = (k / views.1, k % views.1);
     [u as f32 - (views.1 / 2) as f32, v as f32 - (views.0 / 2) as f32]
 }
-

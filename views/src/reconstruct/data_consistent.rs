@@ -135,20 +135,25 @@ mod tests {
             (rms, errors.iter().fold(0.0, |a, &b| a.max(b)))
         };
         let exact =
-            DataConsistent::new(reconstructor.clone(), &samples, Interpolation::Barycentric, (200, 200), Some(0.0)).unwrap();
+            DataConsistent::new(reconstructor.clone(), &samples, Interpolation::Barycentric, (200, 200), Some(0.0))
+                .unwrap();
         let (plain, _) = off(&exact, &reconstructor.reconstruct_view(&low).unwrap());
         let (rms, worst) = off(&exact, &exact.reconstruct_view(&low, values).unwrap());
         assert!(rms < 0.001 && worst < 0.02 && rms < 0.3 * plain, "{rms} {worst} against {plain}");
         // Given noise, nothing is moved that noise explains, and the rest to within it.
         let noisy =
-            DataConsistent::new(reconstructor.clone(), &samples, Interpolation::Barycentric, (200, 200), Some(0.02)).unwrap();
+            DataConsistent::new(reconstructor.clone(), &samples, Interpolation::Barycentric, (200, 200), Some(0.02))
+                .unwrap();
         let (_, worst) = off(&noisy, &noisy.reconstruct_view(&low, values).unwrap());
         assert!(worst < 0.03, "{worst}");
         // Noise that explains everything leaves the dictionary's view as it is.
         let blind =
-            DataConsistent::new(reconstructor.clone(), &samples, Interpolation::Barycentric, (200, 200), Some(10.0)).unwrap();
+            DataConsistent::new(reconstructor.clone(), &samples, Interpolation::Barycentric, (200, 200), Some(10.0))
+                .unwrap();
         let free = reconstructor.reconstruct_view(&low).unwrap();
-        assert!((blind.reconstruct_view(&low, values).unwrap().pixels() - free.pixels()).iter().all(|d| d.abs() < 1e-5));
+        assert!(
+            (blind.reconstruct_view(&low, values).unwrap().pixels() - free.pixels()).iter().all(|d| d.abs() < 1e-5)
+        );
         assert!(exact.reconstruct_view(&low, values.slice(ndarray::s![1.., ..])).is_err());
     }
 
@@ -173,7 +178,10 @@ mod tests {
         // Without what it wants to see, the codes stand in.
         let blind = reconstructor.reconstruct_plane(kept.view(), &[]).unwrap();
         let codes = Options { mode: crate::reconstruct::Mode::Lasso, ..Options::default() };
-        assert_eq!(blind, Reconstructor::new(&dictionary, &codes).unwrap().reconstruct_plane(kept.view(), &[]).unwrap());
+        assert_eq!(
+            blind,
+            Reconstructor::new(&dictionary, &codes).unwrap().reconstruct_plane(kept.view(), &[]).unwrap()
+        );
         assert!((&blind - &by_hand).iter().any(|d| d.abs() > 1e-3));
         assert!(truth.interpolate_own_samples(values, Interpolation::Bicubic).is_err());
     }

@@ -65,6 +65,9 @@ mod tests {
         assert_eq!(plan(Mode::Best, &refined.models[0]).averaged_with, None);
         assert_eq!(plan(Mode::Fast, &interpolated.models[0]).predictor, Path::Anchored);
         let dense = Options { step: Some(1), ensemble: Some(2), ..Options::default() };
-        assert_eq!((Plan::new(&refined.models[0], &dense).step, Plan::new(&refined.models[0], &dense).ensemble), (1, 2));
+        assert_eq!(
+            (Plan::new(&refined.models[0], &dense).step, Plan::new(&refined.models[0], &dense).ensemble),
+            (1, 2)
+        );
     }
 }

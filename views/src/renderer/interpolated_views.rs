@@ -86,7 +86,11 @@ impl<'a> InterpolatedViews<'a> {
         observer: &dyn Observer,
     ) -> Result<(), E> {
         if let Source::Refined(refined) = &self.source {
-            return refined.render_views(wanted, &mut |v, u, pixels: Array3<f32>| sink(v, u, View::new(pixels)), observer);
+            return refined.render_views(
+                wanted,
+                &mut |v, u, pixels: Array3<f32>| sink(v, u, View::new(pixels)),
+                observer,
+            );
         }
         observer.begin("rendering views", wanted.len() as u64);
         for &(v, u) in wanted {

@@ -54,8 +54,9 @@ impl<'a> LearnedViews<'a> {
         let plan = reconstructor.plan();
         let (trained, pitch) = (reconstructor.model().base, reconstructor.model().pitch);
         if (trained == Interpolation::Multiview) != (interpolation == Interpolation::Multiview) {
-            observer
-                .note(&format!("the dictionary was trained on {trained} views, these are {interpolation}: expect less"));
+            observer.note(&format!(
+                "the dictionary was trained on {trained} views, these are {interpolation}: expect less"
+            ));
         }
         let working = working_size(samples, target, pitch);
         if working != *target {
