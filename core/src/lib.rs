@@ -11,6 +11,7 @@ pub mod decode;
 pub mod dictionary;
 pub mod interpolation;
 pub mod lightfield;
+pub mod linalg;
 pub mod metrics;
 pub mod output;
 pub mod pfm;
