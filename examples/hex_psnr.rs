@@ -4,7 +4,7 @@
 //! Crops each image to at most 1080×1080, samples its luminance on a hexagonal grid of pitch 1080/328 px, rotation 0.002
 //! rad
 //! (`point`: bilinear at the lenslet centre; `lenslet`: mean over a disc one pitch wide), random phase, reconstructs by every method, and prints one JSON object; 12 px of border are left out.
-//! For tables of quality against time: --only NAME,NAME --step N --ensemble N --lambda L --passes N.
+//! For tables of quality against time: --only NAME,NAME --step N --ensemble N --lambda L.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -49,7 +49,6 @@ fn arguments() -> anyhow::Result<Arguments> {
             "--step" => options.step = Some(value()?.parse().context("--step takes a number")?),
             "--lambda" => options.lambda = Some(value()?.parse().context("--lambda takes a number")?),
             "--ensemble" => options.ensemble = Some(value()?.parse().context("--ensemble takes a number")?),
-            "--passes" => options.passes = Some(value()?.parse().context("--passes takes a number")?),
             "--only" => only = Some(value()?.split(',').map(String::from).collect()),
             other if other.starts_with("--") => bail!("unknown option {other}"),
             _ => images.push(PathBuf::from(argument)),
@@ -111,7 +110,7 @@ fn methods(truth: ArrayView2<'_, f32>, a: &Arguments, index: u64) -> anyhow::Res
         ("network", Mode::Network),
         ("best", Mode::Best),
     ];
-    let network = a.dictionary.models.iter().flat_map(|m| &m.passes).any(|p| p.network.is_some());
+    let network = a.dictionary.models.iter().any(|m| m.patch_model.network.is_some());
     for (name, mode) in modes {
         if mode == Mode::Network && !network {
             continue;

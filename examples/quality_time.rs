@@ -1,14 +1,14 @@
-//! Quality against time of learned reconstruction, a row for every path, step and λ:
+//! Quality against time of learned reconstruction, a row for every predictor, step and λ:
 //! `cargo run --release --example quality_time -- [--dictionary FILE] [--footprint point|lenslet] IMAGE…`
 //!
 //! Each image is cropped, sampled and interpolated as in `hex_psnr`. Times are CPU seconds a megapixel of all threads (Linux).
 //! `bound` is the time of the product DᵀY alone (features of all patches with all atoms or anchors), measured here on the same
 //! machine; `times_bound` is how far a row is from it. Prints one JSON object.
 
-use std::path::Path as FilePath;
+use std::path::Path;
 
 use anyhow::{anyhow, bail, ensure};
-use lenslet_core::dictionary::{self, Footprint, Options, Path, Reconstructor};
+use lenslet_core::dictionary::{self, Footprint, PatchPredictor, PlaneReconstructor, ReconstructionOptions};
 use lenslet_core::metrics::{BORDER, Scores, Window};
 use lenslet_core::sampling::{self, DEFAULT_PITCH, DEFAULT_ROTATION, Weights, lattice_samples};
 use lenslet_data_gen::pairs::load_photo;
@@ -18,16 +18,16 @@ use serde_json::{Value, json};
 
 const SIDE: usize = 1080;
 
-/// Name, path, step, λ (the trained one where None), copies averaged.
-type Row = (&'static str, Path, usize, Option<f32>, usize);
+/// Name, predictor, step, λ (the trained one where None), copies averaged.
+type Row = (&'static str, PatchPredictor, usize, Option<f32>, usize);
 
 fn rows() -> Vec<Row> {
-    let mut rows: Vec<Row> = vec![("ridge", Path::Linear, 3, None, 1)];
-    rows.extend([4, 3, 2, 1].map(|step| ("fast", Path::Anchored, step, None, 1)));
-    rows.extend([4, 3, 2, 1].map(|step| ("learned", Path::Lasso, step, None, 1)));
-    rows.extend([0.15, 0.3].map(|lambda| ("learned", Path::Lasso, 2, Some(lambda), 1)));
-    rows.push(("best", Path::Lasso, 2, None, 4));
-    rows.extend([4, 3, 2, 1].map(|step| ("network", Path::Network, step, None, 1)));
+    let mut rows: Vec<Row> = vec![("ridge", PatchPredictor::Ridge, 3, None, 1)];
+    rows.extend([4, 3, 2, 1].map(|step| ("fast", PatchPredictor::Anchored, step, None, 1)));
+    rows.extend([4, 3, 2, 1].map(|step| ("learned", PatchPredictor::Lasso, step, None, 1)));
+    rows.extend([0.15, 0.3].map(|lambda| ("learned", PatchPredictor::Lasso, 2, Some(lambda), 1)));
+    rows.push(("best", PatchPredictor::Lasso, 2, None, 4));
+    rows.extend([4, 3, 2, 1].map(|step| ("network", PatchPredictor::Network, step, None, 1)));
     rows
 }
 
@@ -62,7 +62,7 @@ fn main() -> anyhow::Result<()> {
     while let Some(argument) = arguments.next() {
         let mut value = || arguments.next().ok_or_else(|| anyhow!("{argument} needs a value"));
         match argument.as_str() {
-            "--dictionary" => dictionary = Some(dictionary::load(FilePath::new(&value()?))?),
+            "--dictionary" => dictionary = Some(dictionary::load(Path::new(&value()?))?),
             "--footprint" => {
                 footprint = match value()?.as_str() {
                     "point" => Footprint::Point,
@@ -81,7 +81,7 @@ fn main() -> anyhow::Result<()> {
     let mut planes = Vec::new();
     let mut megapixels = 0.0;
     for path in &images {
-        let photo = load_photo(FilePath::new(path), 2 * BORDER + 16)?;
+        let photo = load_photo(Path::new(path), 2 * BORDER + 16)?;
         let (h, w) = photo.luminance.dim();
         let truth = photo.luminance.slice(s![..h.min(SIDE), ..w.min(SIDE)]).to_owned();
         let (h, w) = truth.dim();
@@ -105,29 +105,30 @@ fn main() -> anyhow::Result<()> {
         before += psnr(low, truth)? / planes.len() as f64;
     }
 
-    let first = &model.passes[0];
+    let first = &model.patch_model;
     let (features, atoms) = (first.low.ncols(), first.low.nrows());
     let anchors = first.anchored.as_ref().map_or(0, |a| a.anchors.nrows());
     let each = product(20_000, features, atoms);
     let mut table: Vec<Value> = Vec::new();
-    for (name, path, step, lambda, ensemble) in rows() {
-        if path == Path::Network && first.network.is_none() {
+    for (name, predictor, step, lambda, ensemble) in rows() {
+        if predictor == PatchPredictor::Network && first.network.is_none() {
             continue;
         }
-        let options = Options { path, step, lambda, ensemble, ..Options::default() };
-        let reconstructor = Reconstructor::new(model, &options)?;
+        let options =
+            ReconstructionOptions { predictor, step, lambda, ensemble, ..ReconstructionOptions::default() };
+        let reconstructor = PlaneReconstructor::new(model, &options)?;
         let (mut mean, mut seconds) = (0.0, 0.0);
         for (truth, low) in &planes {
             let began = cpu_seconds();
-            let result = reconstructor.plane(low.view())?;
+            let result = reconstructor.reconstruct_plane(low.view(), &[])?;
             seconds += cpu_seconds() - began;
             mean += psnr(&result, truth)? / planes.len() as f64;
         }
-        let products = match (path, &first.network) {
-            (Path::Linear, _) => 0,
-            (Path::Anchored, _) => features * anchors,
-            (Path::Network, Some(network)) => network.layers.iter().map(|l| l.weights.len()).sum(),
-            (Path::Lasso | Path::Network, _) => features * atoms,
+        let products = match (predictor, &first.network) {
+            (PatchPredictor::Ridge, _) => 0,
+            (PatchPredictor::Anchored, _) => features * anchors,
+            (PatchPredictor::Network, Some(network)) => network.layers.iter().map(|l| l.weights.len()).sum(),
+            (PatchPredictor::Lasso | PatchPredictor::Network, _) => features * atoms,
         };
         let patches = 1e6 / (step * step) as f64 * ensemble as f64;
         let bound = patches * products as f64 * each;

@@ -6,7 +6,7 @@
 use std::path::{Path, PathBuf};
 
 use lenslet_core::calibration::{self, Calibration};
-use lenslet_core::dictionary::{self, Dictionary, Footprint, Storage};
+use lenslet_core::dictionary::{self, Dictionary, Footprint, Interpolation, Storage};
 use sha2::{Digest, Sha256};
 
 fn reference(name: &str) -> PathBuf {
@@ -38,13 +38,13 @@ fn calibration_hash(c: &Calibration) -> String {
 /// Every number of every matrix, in the order of the struct.
 fn dictionary_hash(d: &Dictionary) -> String {
     let mut hash = Sha256::new();
-    for pass in d.models.iter().flat_map(|m| &m.passes) {
-        hash.update(pass.floor.to_le_bytes());
-        hash.update(pass.lambda.to_le_bytes());
-        for matrix in [&pass.filters, &pass.low, &pass.high, &pass.linear] {
+    for parts in d.models.iter().map(|m| &m.patch_model) {
+        hash.update(parts.floor.to_le_bytes());
+        hash.update(parts.lambda.to_le_bytes());
+        for matrix in [&parts.filters, &parts.low, &parts.high, &parts.ridge] {
             matrix.iter().for_each(|v| hash.update(v.to_le_bytes()));
         }
-        if let Some(a) = &pass.anchored {
+        if let Some(a) = &parts.anchored {
             a.anchors.iter().chain(&a.maps).for_each(|v| hash.update(v.to_le_bytes()));
         }
     }
@@ -73,10 +73,10 @@ fn the_dictionaries_of_version_1_still_load() {
         assert_eq!((d.recipe.algorithm.as_str(), d.recipe.seed, d.recipe.photos.len()), ("online", 1, 1));
         assert_eq!(d.recipe.parameters["neighbours"], 100);
         for (model, footprint) in d.models.iter().zip([Footprint::Point, Footprint::Lenslet]) {
-            assert_eq!((model.footprint, model.passes.len()), (footprint, 1));
-            let pass = &model.passes[0];
-            assert_eq!((pass.low.dim(), pass.high.dim()), ((12, 8), (12, 25)));
-            assert_eq!(pass.anchored.as_ref().unwrap().maps.dim(), (6, 8, 25));
+            assert_eq!((model.footprint, model.base), (footprint, Interpolation::Barycentric));
+            let parts = &model.patch_model;
+            assert_eq!((parts.low.dim(), parts.high.dim()), ((12, 8), (12, 25)));
+            assert_eq!(parts.anchored.as_ref().unwrap().maps.dim(), (6, 8, 25));
         }
         assert_eq!(dictionary_hash(&d), sum, "{name}");
     }

@@ -9,7 +9,7 @@ use std::fs;
 
 use common::files::{
     Slot, bounded, capture, check, container_bytes, dictionary_header, line, parts, small_calibration,
-    small_dictionary, small_samples, tar,
+    small_dictionary, small_samples, tar, without_checksum,
 };
 use common::torment;
 use lenslet_core::calibration;
@@ -300,6 +300,22 @@ fn dictionaries() {
     let old = include_bytes!("../../tests/reference/golden-1.lfd");
     let (head, payload) = old.split_at((24 + dictionary_header(old)).next_multiple_of(64));
     torment(head, 52, COUNT, |head| read(&[head, payload].concat()));
+    bounded();
+}
+
+#[test]
+fn dictionaries_as_tensors() {
+    let bytes = dictionary::Format::Safetensors.to_bytes(&small_dictionary()).unwrap();
+    assert_eq!(dictionary::from_bytes(&bytes, "a").unwrap().models.len(), 1);
+    let read = |bytes: &[u8]| match dictionary::from_bytes(bytes, "a.safetensors") {
+        Ok(d) => dictionary::validate(&d).unwrap(),
+        Err(e) => line(e),
+    };
+    torment(&bytes, 53, COUNT, read);
+    // Without its checksum, damage to numbers and matrices gets further.
+    let unchecked = without_checksum(&bytes);
+    read(&unchecked);
+    torment(&unchecked, 54, COUNT, read);
     bounded();
 }
 

@@ -10,7 +10,7 @@ use std::fs;
 
 use common::files::{
     Slot, bounded, calibration_of, check, container_of, dictionary_header, line, parts_of, small_calibration,
-    small_dictionary, small_samples, tar,
+    small_dictionary, small_samples, tar, without_checksum,
 };
 use lenslet_core::container::{json, metadata, open, profile, whites};
 use lenslet_core::decode::npz;
@@ -149,7 +149,10 @@ fn readers(side: usize) -> Vec<Reader> {
     } else {
         include_bytes!("../../dictionaries/default.lfd").to_vec()
     };
-    all.push(reader("dictionary", file, |b| dictionary::from_bytes(b, "a").map(|d| dictionary::validate(&d).unwrap())));
+    let read = |b: &[u8]| dictionary::from_bytes(b, "a").map(|d| dictionary::validate(&d).unwrap());
+    let tensors = dictionary::Format::Safetensors.to_bytes(&dictionary::from_bytes(&file, "a").unwrap()).unwrap();
+    all.push(reader("dictionary", file, read));
+    all.push(reader("dictionary of tensors", without_checksum(&tensors), read));
     all
 }
 

@@ -10,6 +10,9 @@ fuzz_target!(|data: &[u8]| {
         }
     };
     read(data);
+    // The same as the header of a file of tensors.
+    let tensors = [&(data.len() as u64).to_le_bytes()[..], data].concat();
+    read(&tensors);
     // The same with its checksum made to fit, or nothing would ever get past it.
     if data.len() > 32 {
         let mut sealed = data.to_vec();

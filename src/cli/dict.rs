@@ -18,21 +18,23 @@ pub struct Args {
 #[derive(Debug, clap::Subcommand)]
 enum Action {
     /// Say what a dictionary holds and how it was made
-    #[command(after_help = "Example: lenslet dict show default")]
+    #[command(visible_alias = "info", after_help = "Example: lenslet dict show default")]
     Show {
         /// Dictionary file, or a name (default: the embedded one)
         dictionary: PathBuf,
     },
-    /// Write the matrices for other tools
-    #[command(after_help = "\
+    /// Write a dictionary in another format
+    #[command(visible_alias = "convert", after_help = "\
 Example: lenslet dict export default --out default.safetensors
+         lenslet dict export default.safetensors --out default.lfd
          lenslet dict export mine.lfd --out mine-npy/
 
-A .safetensors file, or a folder of .npy files with dictionary.json. Names are MODEL.PASS.MATRIX.")]
+A .lfd or .safetensors file, which every command reads, or a folder of .npy files with dictionary.json. Matrices are named
+MODEL.PREDICTOR.MATRIX, as point.lasso.low_atoms.")]
     Export {
         /// Dictionary file, or a name (default: the embedded one)
         dictionary: PathBuf,
-        /// What to write: a name ending in .safetensors, or a folder
+        /// What to write: a name ending in .lfd or .safetensors, or a folder
         #[arg(long, value_name = "PATH")]
         out: PathBuf,
         /// Replace what stands at --out
@@ -42,7 +44,8 @@ A .safetensors file, or a folder of .npy files with dictionary.json. Names are M
 }
 
 /// A dictionary by name or file. A file that exists is taken before a name; those of
-/// [`reconstruct::names`] are inside the program; another name without folders is also looked for as NAME.lfd in `dictionaries/` here and beside the program.
+/// [`reconstruct::names`] are inside the program; another name without folders is
+/// also looked for as NAME.lfd and NAME.safetensors in `dictionaries/` here and beside the program.
 pub fn find(name: &Path) -> anyhow::Result<Dictionary> {
     if name.is_file() {
         return Ok(dictionary::load(name)?);
@@ -53,9 +56,11 @@ pub fn find(name: &Path) -> anyhow::Result<Dictionary> {
     if name.components().count() == 1 {
         let program = std::env::current_exe().ok().and_then(|p| p.parent().map(Path::to_path_buf));
         for place in [Some(PathBuf::new()), program].into_iter().flatten() {
-            let file = place.join("dictionaries").join(name).with_extension("lfd");
-            if file.is_file() {
-                return Ok(dictionary::load(&file)?);
+            for ending in ["lfd", "safetensors"] {
+                let file = place.join("dictionaries").join(name).with_extension(ending);
+                if file.is_file() {
+                    return Ok(dictionary::load(&file)?);
+                }
             }
         }
         if name.extension().is_none() {
@@ -87,21 +92,28 @@ pub fn describe(dictionary: &Dictionary) -> (Value, String) {
     );
     let mut models = Vec::new();
     for model in &dictionary.models {
-        let mut passes = Vec::new();
-        for (n, pass) in model.passes.iter().enumerate() {
-            let anchors = pass.anchored.as_ref().map_or(0, |a| a.anchors.nrows());
-            text.push_str(&format!(
-                "{} on {}, pitch {:.4}, pass {}: {} atoms, {} features of {}x{} pixels, patches of {}x{}, λ {}, {anchors} anchors\n",
-                model.footprint, model.base, model.pitch, n + 1, pass.low.nrows(), pass.low.ncols(),
-                pass.support, pass.support, pass.patch, pass.patch, pass.lambda
-            ));
-            passes.push(json!({
-                "atoms": pass.low.nrows(), "features": pass.low.ncols(), "support": pass.support, "patch": pass.patch,
-                "lambda": pass.lambda, "floor": pass.floor, "with_linear": pass.with_linear, "anchors": anchors,
-            }));
-        }
+        let parts = &model.patch_model;
+        let anchors = parts.anchored.as_ref().map_or(0, |a| a.anchors.nrows());
+        text.push_str(&format!(
+            "{} on {}, pitch {:.4}: {} atoms, {} features of {}x{} pixels, patches of {}x{}, λ {}, {anchors} anchors\n",
+            model.footprint,
+            model.base,
+            model.pitch,
+            parts.low.nrows(),
+            parts.low.ncols(),
+            parts.support,
+            parts.support,
+            parts.patch,
+            parts.patch,
+            parts.lambda
+        ));
+        // A list of one, and `with_linear` false: chains of passes and codes on top of a regressor are no more.
+        let pass = json!({
+            "atoms": parts.low.nrows(), "features": parts.low.ncols(), "support": parts.support, "patch": parts.patch,
+            "lambda": parts.lambda, "floor": parts.floor, "with_linear": false, "anchors": anchors,
+        });
         models.push(json!({
-            "footprint": model.footprint, "base": model.base, "pitch": model.pitch, "passes": passes,
+            "footprint": model.footprint, "base": model.base, "pitch": model.pitch, "passes": [pass],
         }));
     }
     for (name, score) in &dictionary.recipe.scores {
@@ -121,7 +133,7 @@ pub fn run(args: &Args, _context: &Context) -> anyhow::Result<Outcome> {
             let found = find(dictionary)?;
             let ending = out.extension().map(|e| e.to_string_lossy().to_lowercase());
             match ending.as_deref() {
-                Some("safetensors") => dictionary::export_safetensors(out, &found, *force)?,
+                Some("lfd" | "safetensors") => dictionary::save(out, &found, *force)?,
                 None => dictionary::export_npy(out, &found, *force)?,
                 Some("npy") if out.extension().is_some() => {
                     return Err(
@@ -129,7 +141,7 @@ pub fn run(args: &Args, _context: &Context) -> anyhow::Result<Outcome> {
                     );
                 }
                 Some(other) => {
-                    return Err(Usage(format!("--out ends in .{other}: give NAME.safetensors, or a folder")).into());
+                    return Err(Usage(format!("--out ends in .{other}: give NAME.lfd, NAME.safetensors, or a folder")).into());
                 }
             }
             let out = out.display().to_string();

@@ -10,6 +10,7 @@ use lenslet_core::container::segments::{Container, Kind, MAGIC, Segment};
 use lenslet_core::container::{
     self, CameraFacts, Capture, ColourFacts, Error, Levels, MlaHint, json as find, locate, metadata, references, whites,
 };
+use lenslet_core::dictionary;
 use lenslet_core::lightfield::{self, ReadOptions};
 use lenslet_core::progress::Observer;
 use serde_json::{Map, Value, json};
@@ -64,8 +65,8 @@ fn describe(args: &Args) -> anyhow::Result<Value> {
         segments(path)?
     } else if head.starts_with(b"LENSCAL\0") {
         calibration_facts(path)?
-    } else if head.starts_with(b"\x89LFD\r\n\x1a\n") {
-        super::dict::describe(&lenslet_core::dictionary::load(path)?).0
+    } else if dictionary::Format::detect(head).is_some() {
+        super::dict::describe(&dictionary::load(path)?).0
     } else if head.starts_with(b"\x93NUMPY") || head.starts_with(b"MATLAB") || args.views.is_some() {
         light_field(path, args)?
     } else if head.len() == 512 && &head[257..262] == b"ustar" {

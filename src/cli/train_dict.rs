@@ -18,6 +18,7 @@ use super::{Context, Interrupted, Outcome, Usage, train_report};
 Example: lenslet train-dict my-photos/ --out mine.lfd
          lenslet train-dict a.jpg b.jpg c.png --out small.lfd --atoms 256 --pairs 50000
          lenslet train-dict my-photos/ --out x3.lfd --grid 3
+         lenslet train-dict my-photos/ --out mine.safetensors
          lenslet train-dict my-photos/ --out mine.lfd --resume     (goes on after an interruption)
 
 Folders are searched for .jpg, .png, .tif, .ppm. A photo that cannot be used is noted and left out.

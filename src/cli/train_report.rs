@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use lenslet::report::plot::{Series, curves};
 use lenslet::report::{Picture, picture};
-use lenslet_core::dictionary::{Dictionary, Pass};
+use lenslet_core::dictionary::{Dictionary, PatchModel};
 use lenslet_train::Epoch;
 use ndarray::{Array2, Array3, ArrayView2, s};
 
@@ -67,8 +67,8 @@ pub fn mosaic(dictionary: &Dictionary) -> anyhow::Result<Picture> {
     let panels: Vec<(Array2<f32>, Array2<f32>)> = dictionary
         .models
         .iter()
-        .flat_map(|m| &m.passes)
-        .map(|pass| (tiles(low(pass).view(), pass.support), tiles(pass.high.view(), pass.patch)))
+        .map(|m| &m.patch_model)
+        .map(|parts| (tiles(low(parts).view(), parts.support), tiles(parts.high.view(), parts.patch)))
         .collect();
     const GAP: usize = 6;
     let height = panels.iter().map(|(l, h)| l.nrows().max(h.nrows()) + GAP).sum::<usize>().max(1);
@@ -87,8 +87,8 @@ pub fn mosaic(dictionary: &Dictionary) -> anyhow::Result<Picture> {
     Picture::png(&picture::enlarge(&all, ZOOM), 1)
 }
 
-fn low(pass: &Pass) -> Array2<f32> {
-    pass.low.dot(&pass.filters)
+fn low(parts: &PatchModel) -> Array2<f32> {
+    parts.low.dot(&parts.filters)
 }
 
 /// Atoms (rows of `side`² values) as tiles, [`ACROSS`] in a row, one white pixel between them.

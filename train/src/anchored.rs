@@ -1,7 +1,7 @@
 //! Anchored regression (A+, Timofte 2014): for each anchor a of the feature space the ridge regressor
 //! min over M of Σ ‖yᵀM − t‖² + ρ‖M‖² on the pairs whose unit features correlate most with a, in either sign.
 
-use lenslet_core::dictionary::Anchored;
+use lenslet_core::dictionary::{Anchored, nearest_anchors};
 use ndarray::{Array2, Array3, ArrayView2, Axis};
 use rand::rngs::ChaCha8Rng;
 use rayon::prelude::*;
@@ -42,17 +42,8 @@ pub fn anchors(
 }
 
 fn assign(signals: ArrayView2<'_, f32>, anchors: &Array2<f32>) -> Vec<(u32, f32)> {
-    let products = signals.dot(&anchors.t());
-    let best = |row: ndarray::ArrayView1<'_, f32>| {
-        let mut best = (0u32, 0.0f32);
-        for (k, &v) in row.iter().enumerate() {
-            if v.abs() > best.1.abs() {
-                best = (k as u32, v);
-            }
-        }
-        (best.0, if best.1 < 0.0 { -1.0 } else { 1.0 })
-    };
-    products.rows().into_iter().map(best).collect()
+    let nearest = nearest_anchors(anchors.view(), signals);
+    nearest.into_iter().map(|(k, correlation)| (k, if correlation < 0.0 { -1.0 } else { 1.0 })).collect()
 }
 
 /// Fits one regressor an anchor on its `neighbours` nearest pairs (unit signals, targets in their scale).

@@ -1,8 +1,8 @@
 //! Fitting of the network of [`lenslet_core::dictionary::Network`]: min Σ w·½‖o(x) − t‖² over pairs, x and t as
-//! [`lenslet_core::dictionary::inputs`] gives and divides them, by Adam (Kingma 2015) on shuffled batches, the step falling as
+//! [`lenslet_core::dictionary::network_inputs`] gives and divides them, by Adam (Kingma 2015) on shuffled batches, the step falling as
 //! half a cosine. Rectified layers begin as He (2015) has it.
 
-use lenslet_core::dictionary::{Interpolation, Layer, Network, forward, inputs, product};
+use lenslet_core::dictionary::{Interpolation, Layer, Network, network_inputs, product};
 use lenslet_data_gen::pairs::{self, Crop, PatchOptions};
 use ndarray::{Array1, Array2, Axis, concatenate};
 use rand::RngExt;
@@ -132,7 +132,7 @@ pub fn learn(
         let found = features.nrows();
         return Err(Error::TooLittle(format!("{found} textured patches are too few for a network: give more photos")));
     }
-    let (x, norms) = inputs(&features, FLOOR);
+    let (x, norms) = network_inputs(&features, FLOOR);
     drop(features);
     let mut weights = Vec::with_capacity(norms.len());
     for (mut row, &n) in residuals.rows_mut().into_iter().zip(&norms) {
@@ -142,7 +142,8 @@ pub fn learn(
     let mean = weights.iter().map(|w| f64::from(*w)).sum::<f64>() / weights.len() as f64;
     weights.iter_mut().for_each(|w| *w /= mean as f32);
     let layers = fit(x, residuals, &weights, p, rng, step)?;
-    Ok(Network { support, beside: p.beside.clone(), shares: p.features.clone(), filters, floor: FLOOR, layers })
+    let (side_inputs, filters_per_input) = (p.beside.clone(), p.features.clone());
+    Ok(Network { support, side_inputs, filters_per_input, filters, floor: FLOOR, layers })
 }
 
 /// Layers fitted to inputs (N×(m+1)) and targets (N×patch²).
@@ -253,7 +254,7 @@ fn gradient(state: &[Stepped], x: &Array2<f32>, t: &Array2<f32>, weights: &[f32]
             let last = state.len() - 1;
             let mut values = vec![x.select(Axis(0), part)];
             for (k, s) in state.iter().enumerate() {
-                values.push(forward(&s.layer, &values[k], k < last));
+                values.push(s.layer.forward(&values[k], k < last));
             }
             let mut delta = values.pop().unwrap_or_default();
             delta -= &t.select(Axis(0), part);
@@ -302,7 +303,7 @@ mod tests {
     fn output(layers: &[Layer], x: &Array2<f32>) -> Array2<f32> {
         let mut x = x.clone();
         for (k, layer) in layers.iter().enumerate() {
-            x = forward(layer, &x, k + 1 < layers.len());
+            x = layer.forward(&x, k + 1 < layers.len());
         }
         x
     }

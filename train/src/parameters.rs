@@ -52,8 +52,8 @@ pub enum Coupling {
 /// | `base` | by footprint | interpolation of the low images: barycentric, bicubic for grids; multiview only where the caller makes them | |
 /// | `pitch`, `rotation` | 1080/328, 0.002 | the lattice, output pixels and radians | pitch 1 … 64 |
 /// | `noise` | 0 | standard deviation of noise on the samples (range 0..1) | 0 … 1 |
-/// | `passes` | 1 | passes, each learned on the result of the one before | 1 … 4 |
-/// | `with_linear` | false | codes explain what one ridge regressor leaves | |
+/// | `passes` | 1 | always 1 (kept for recipes of earlier versions) | 1 |
+/// | `with_linear` | false | always false (kept for recipes of earlier versions) | false |
 /// | `anchors` | 512 | anchored regressors of the fast path, 0 for none | 0 … 8192 |
 /// | `neighbours` | 2048 | pairs each regressor is fitted to | 16 … 1 000 000 |
 /// | `ridge` | 0.1 | regularisation of the anchored regressors, for unit features | > 0 |
@@ -193,7 +193,11 @@ impl Parameters {
         within("pitch", self.pitch, 1.0, 64.0)?;
         within("rotation", self.rotation, -std::f64::consts::PI, std::f64::consts::PI)?;
         within("noise", self.noise, 0.0, 1.0)?;
-        within("passes", self.passes, 1, 4)?;
+        if self.passes != 1 || self.with_linear {
+            return Err(Error::Parameter(
+                "passes above 1 and with_linear are no longer supported: leave both out".into(),
+            ));
+        }
         within("anchors", self.anchors, 0, 8192)?;
         within("neighbours", self.neighbours, 16, 1_000_000)?;
         within("ridge", self.ridge, 1e-6, 1e6)?;
@@ -212,10 +216,10 @@ impl Parameters {
     }
 
     /// Pairs that `memory` allows beside crops of `crop_bytes`: their features and residuals once, and once more where both
-    /// are stacked or the regressor is taken off them.
+    /// are stacked.
     #[must_use]
     pub fn pairs_within(&self, crop_bytes: usize) -> usize {
-        let copies = if self.coupling == Coupling::Joint || self.with_linear { 2.0 } else { 1.5 };
+        let copies = if self.coupling == Coupling::Joint { 2.0 } else { 1.5 };
         let each = copies * 4.0 * (self.features + self.patch * self.patch) as f64;
         self.pairs.min((self.left(crop_bytes) / each) as usize)
     }

@@ -3,7 +3,11 @@
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-use lenslet_core::dictionary::{self, Dictionary, Footprint, Model, Options, Pass, Recipe, Reconstructor, Storage};
+use lenslet_core::dictionary::{
+    self, Dictionary, Footprint, Model, PatchModel, PatchPredictor, PlaneReconstructor, Recipe, ReconstructionOptions,
+    Storage,
+};
+use lenslet_core::interpolation::Interpolation;
 use lenslet_core::progress::Observer;
 use lenslet_data_gen::pairs::{self, Crop, PatchOptions};
 use ndarray::{Array2, Axis, concatenate, s};
@@ -176,22 +180,9 @@ impl Run<'_> {
     fn model(&mut self, footprint: Footprint, data: &Data) -> Result<(), Error> {
         let p = self.parameters;
         let degradation = data::degradation(p, footprint);
-        while self.state.at.1 < p.passes {
-            let number = self.state.at.1;
-            let passes: Vec<Pass> = match &self.state.done {
-                Some(d) if d.models.len() > self.state.at.0 => d.models[self.state.at.0].passes.clone(),
-                _ => Vec::new(),
-            };
-            let model = |passes| Model { footprint, base: degradation.base, pitch: p.pitch, passes };
-            let before = if passes.is_empty() { None } else { Some(model(passes.clone())) };
-            let (train, held_out): (Cow<'_, [Crop]>, Cow<'_, [Crop]>) = match &before {
-                None => (data.train.as_slice().into(), data.held_out.as_slice().into()),
-                Some(m) => (self.advance(m, &data.train)?.into(), self.advance(m, &data.held_out)?.into()),
-            };
-            let pass = self.pass(footprint, number, &train, &held_out, &degradation)?;
-            let mut passes = passes;
-            passes.push(pass);
-            let finished = model(passes);
+        if self.state.at.1 == 0 {
+            let patch_model = self.patch_model(footprint, &data.train, &data.held_out, &degradation)?;
+            let finished = Model { footprint, base: degradation.base, pitch: p.pitch, patch_model };
             let done = self.state.done.get_or_insert_with(|| Dictionary {
                 recipe: Recipe::default(),
                 storage: Storage::F32,
@@ -199,27 +190,13 @@ impl Run<'_> {
             });
             done.models.truncate(self.state.at.0);
             done.models.push(finished);
-            self.state.at.1 += 1;
+            self.state.at.1 = 1;
             self.state.stage = None;
             self.save();
         }
         self.state.at = (self.state.at.0 + 1, 0);
         self.save();
         Ok(())
-    }
-
-    /// Crops whose low image is what the passes so far make of it.
-    fn advance(&self, model: &Model, crops: &[Crop]) -> Result<Vec<Crop>, Error> {
-        self.observer.begin("earlier passes", crops.len() as u64);
-        let reconstructor = Reconstructor::new(model, &Options::default())?;
-        crops
-            .iter()
-            .map(|c| {
-                self.check()?;
-                self.observer.advance(1);
-                Ok(Crop { low: reconstructor.plane(c.low.view())?, ..c.clone() })
-            })
-            .collect()
     }
 
     fn check(&self) -> Result<(), Error> {
@@ -243,14 +220,13 @@ impl Run<'_> {
         rng
     }
 
-    fn pass(
+    fn patch_model(
         &mut self,
         footprint: Footprint,
-        number: usize,
         train: &[Crop],
         held_out: &[Crop],
         degradation: &pairs::Degradation,
-    ) -> Result<Pass, Error> {
+    ) -> Result<PatchModel, Error> {
         let p = self.parameters;
         let ready = self.prepare(train)?;
         let scorer = Scorer::new(footprint, degradation, held_out, &ready, p);
@@ -291,7 +267,7 @@ impl Run<'_> {
                     Some(high) => scorer.score(&low, &high)?,
                     None => None,
                 };
-                self.report(footprint, number, "learn", done, summary, psnr, scorer.low, None);
+                self.report(footprint, "learn", done, summary, psnr, scorer.low, None);
                 self.state.stage = Some(Stage::Learn(done, state.clone()));
                 self.save();
             }
@@ -321,22 +297,24 @@ impl Run<'_> {
             done += 1;
             let psnr = scorer.score(&state.low, &state.high)?;
             let summary = online::Summary { objective, nonzeros, replaced: 0 };
-            self.report(footprint, number, "refine", done, summary, psnr, scorer.low, None);
+            self.report(footprint, "refine", done, summary, psnr, scorer.low, None);
             self.state.stage = Some(Stage::Refine(done, state.clone()));
             self.save();
         }
         let high = if p.refine > 0 { self.fit_high(&state.low, &problem)? } else { state.high };
         let psnr = scorer.score(&state.low, &high)?;
-        let mut pass = scorer.pass.clone();
-        pass.anchored = self.anchors(&ready)?;
+        let mut learned = scorer.patch_model.clone();
+        learned.anchored = self.anchors(&ready)?;
         drop(ready);
-        pass.low = state.low;
-        pass.high = high;
-        pass.network = self.network(footprint, train)?;
-        let by_network =
-            if pass.network.is_some() { scorer.score_pass(pass.clone(), dictionary::Path::Network)? } else { None };
-        self.report(footprint, number, "done", 0, online::Summary::default(), psnr, scorer.low, by_network);
-        Ok(pass)
+        learned.low = state.low;
+        learned.high = high;
+        learned.network = self.network(footprint, train)?;
+        let by_network = match learned.network {
+            Some(_) => scorer.score_by(learned.clone(), PatchPredictor::Network)?,
+            None => None,
+        };
+        self.report(footprint, "done", 0, online::Summary::default(), psnr, scorer.low, by_network);
+        Ok(learned)
     }
 
     fn network(&self, footprint: Footprint, crops: &[Crop]) -> Result<Option<dictionary::Network>, Error> {
@@ -372,14 +350,8 @@ impl Run<'_> {
         self.observer.begin("anchored regressors", 0);
         let mut rng = self.rng(0x3000);
         let anchors = anchored::anchors(&ready.signals, p.anchors, 6, 60_000, &mut rng)?;
-        let targets = if p.with_linear {
-            // Anchored regressors stand alone: their targets are whole.
-            Cow::Owned(&ready.targets + &ready.signals.dot(&ready.linear))
-        } else {
-            Cow::Borrowed(&ready.targets)
-        };
         let stop = || self.observer.cancelled();
-        let fitted = anchored::fit(anchors, ready.signals.view(), targets.view(), p.neighbours, p.ridge, &stop)?;
+        let fitted = anchored::fit(anchors, ready.signals.view(), ready.targets.view(), p.neighbours, p.ridge, &stop)?;
         Ok(Some(fitted))
     }
 
@@ -398,7 +370,7 @@ impl Run<'_> {
             seed: p.seed,
             ..PatchOptions::default()
         };
-        let mut pairs = pairs::pairs(crops, &filters, &options)?;
+        let pairs = pairs::pairs(crops, &filters, &options)?;
         if pairs.features.nrows() < p.atoms.max(p.anchors).max(100) {
             return Err(Error::TooLittle(format!(
                 "{} textured patches are too few for {} atoms: give more or larger photos, or fewer --atoms",
@@ -408,9 +380,6 @@ impl Run<'_> {
         }
         let floor = options.flat;
         let linear = linear::ridge(pairs.features.view(), pairs.residuals.view(), None)?;
-        if p.with_linear {
-            pairs.residuals -= &pairs.features.dot(&linear);
-        }
         let (mut signals, mut targets) = (pairs.features, pairs.residuals);
         let mut weights = vec![0.0f32; signals.nrows()];
         let rows = signals.outer_iter_mut().into_par_iter().zip(targets.outer_iter_mut().into_par_iter());
@@ -439,7 +408,6 @@ impl Run<'_> {
     fn report(
         &mut self,
         footprint: Footprint,
-        number: usize,
         stage: &str,
         epoch: usize,
         summary: online::Summary,
@@ -449,7 +417,7 @@ impl Run<'_> {
     ) {
         let news = Epoch {
             footprint,
-            pass: number + 1,
+            pass: 1,
             stage: stage.into(),
             epoch,
             objective: summary.objective,
@@ -463,8 +431,7 @@ impl Run<'_> {
         let decibels = |v: Option<f64>| v.map_or("none".into(), |v| format!("{v:.3} dB"));
         let network = by_network.map_or(String::new(), |v| format!(", by the network {v:.3} dB"));
         self.observer.note(&format!(
-            "{footprint}, pass {}, {stage} {epoch}: objective {:.6}, {:.2} non-zeros, {} replaced, held-out {}{network} (low image {}), {:.0} s",
-            number + 1,
+            "{footprint}, {stage} {epoch}: objective {:.6}, {:.2} non-zeros, {} replaced, held-out {}{network} (low image {}), {:.0} s",
             summary.objective,
             summary.nonzeros,
             summary.replaced,
@@ -514,8 +481,10 @@ fn split(stacked: &Array2<f32>, ready: &Ready, coupling: Coupling) -> (Array2<f3
 
 /// Scores dictionaries on the held-out crops.
 struct Scorer<'a> {
-    pass: Pass,
-    model: Model,
+    patch_model: PatchModel,
+    footprint: Footprint,
+    base: Interpolation,
+    pitch: f64,
     crops: &'a [Crop],
     low: Option<f64>,
 }
@@ -528,7 +497,7 @@ impl<'a> Scorer<'a> {
         ready: &Ready,
         p: &Parameters,
     ) -> Self {
-        let pass = Pass {
+        let patch_model = PatchModel {
             support: p.window + 4,
             patch: p.patch,
             filters: ready.filters.clone(),
@@ -536,31 +505,31 @@ impl<'a> Scorer<'a> {
             lambda: p.lambda,
             low: Array2::zeros((0, 0)),
             high: Array2::zeros((0, 0)),
-            linear: ready.linear.clone(),
-            with_linear: p.with_linear,
+            ridge: ready.linear.clone(),
             anchored: None,
             network: None,
         };
         // A few crops are enough to see which way it goes.
         let crops = &crops[..crops.len().min(6)];
-        let model = Model { footprint, base: degradation.base, pitch: degradation.pitch, passes: Vec::new() };
         let errors = crops.iter().map(|c| error(&c.low, &c.high));
         let low = mean_psnr(errors);
-        Scorer { pass, model, crops, low }
+        let (base, pitch) = (degradation.base, degradation.pitch);
+        Scorer { patch_model, footprint, base, pitch, crops, low }
     }
 
     fn score(&self, low: &Array2<f32>, high: &Array2<f32>) -> Result<Option<f64>, Error> {
-        self.score_pass(Pass { low: low.clone(), high: high.clone(), ..self.pass.clone() }, dictionary::Path::Lasso)
+        let patch_model = PatchModel { low: low.clone(), high: high.clone(), ..self.patch_model.clone() };
+        self.score_by(patch_model, PatchPredictor::Lasso)
     }
 
-    fn score_pass(&self, pass: Pass, path: dictionary::Path) -> Result<Option<f64>, Error> {
-        let mut model = self.model.clone();
-        model.passes.push(pass);
-        let options = Options { path, step: 3.min(self.pass.patch), ..Options::default() };
-        let reconstructor = Reconstructor::new(&model, &options)?;
+    fn score_by(&self, patch_model: PatchModel, predictor: PatchPredictor) -> Result<Option<f64>, Error> {
+        let model = Model { footprint: self.footprint, base: self.base, pitch: self.pitch, patch_model };
+        let step = 3.min(self.patch_model.patch);
+        let options = ReconstructionOptions { predictor, step, ..ReconstructionOptions::default() };
+        let reconstructor = PlaneReconstructor::new(&model, &options)?;
         let mut errors = Vec::new();
         for crop in self.crops {
-            errors.push(error(&reconstructor.plane_beside(crop.low.view(), &crop.beside)?, &crop.high));
+            errors.push(error(&reconstructor.reconstruct_plane(crop.low.view(), &crop.beside)?, &crop.high));
         }
         Ok(mean_psnr(errors.into_iter()))
     }
@@ -673,7 +642,7 @@ mod tests {
     fn threads_do_not_matter() {
         let folder = tempfile::tempdir().unwrap();
         let photos = photos(folder.path(), 3);
-        let parameters = Parameters { passes: 2, footprints: vec![Footprint::Point], ..tiny() };
+        let parameters = Parameters { footprints: vec![Footprint::Point], ..tiny() };
         let run = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| bytes(&train(&photos, &parameters, None, false, &Silent, &mut |_| ()).unwrap()))

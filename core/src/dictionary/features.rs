@@ -8,7 +8,7 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 use ndarray::{Array2, ArrayView2};
 
-use super::Error;
+use super::error::Error;
 
 /// Pixels that the widest gradient filter reaches beyond its centre.
 const REACH: usize = 2;
@@ -20,9 +20,19 @@ fn reflect(i: isize, n: usize) -> usize {
     if r < n { r } else { period as usize - 1 - r }
 }
 
-/// A plane (t, s) with `margin` pixels around it, mirrored at its borders. Both sides must be at least 1.
+/// A plane (t, s) with `margin` pixels around it, mirrored at its borders (the border value repeated). Of a plane without
+/// pixels a copy.
+///
+/// ```
+/// use lenslet_core::dictionary::pad_mirrored;
+/// use ndarray::array;
+///
+/// let padded = pad_mirrored(array![[1.0, 2.0, 3.0]].view(), 2);
+/// assert_eq!(padded.dim(), (5, 7));
+/// assert_eq!(padded.row(0).to_vec(), [2.0, 1.0, 1.0, 2.0, 3.0, 3.0, 2.0]);
+/// ```
 #[must_use]
-pub fn pad(plane: ArrayView2<'_, f32>, margin: usize) -> Array2<f32> {
+pub fn pad_mirrored(plane: ArrayView2<'_, f32>, margin: usize) -> Array2<f32> {
     let (h, w) = plane.dim();
     if h == 0 || w == 0 {
         return Array2::zeros((h, w));
@@ -38,47 +48,71 @@ pub fn pad(plane: ArrayView2<'_, f32>, margin: usize) -> Array2<f32> {
     out
 }
 
-/// The windows (support² values a row) of a padded plane whose top left corners are `corners` (y, x).
+/// Copies the windows (support² values each, one after the other) of a padded plane whose top left corners are `corners`
+/// (y, x) into `out`, whose contents are replaced.
 ///
 /// # Panics
 /// When a window leaves the plane.
-pub fn windows(padded: &Array2<f32>, support: usize, corners: &[(usize, usize)], out: &mut Vec<f32>) {
+pub fn copy_windows(padded: &Array2<f32>, support: usize, corners: &[(usize, usize)], out: &mut Vec<f32>) {
     out.clear();
     out.reserve(corners.len() * support * support);
     let width = padded.ncols();
     let Some(values) = padded.as_slice() else { return };
     for &(y, x) in corners {
         for r in 0..support {
-            let at = (y + r) * width + x;
-            out.extend_from_slice(&values[at..at + support]);
+            let start = (y + r) * width + x;
+            out.extend_from_slice(&values[start..start + support]);
         }
     }
 }
 
-/// Features (n×m) of the windows at `corners`: one matrix product. `scratch` is reused between calls.
+/// Features (n×m) of the windows of `support`² pixels whose top left corners are `corners` (y, x): f = F·w, one matrix
+/// product an input. `padded` are the inputs, all of one size; the first `filters_per_input[0]` rows of `filters`
+/// (m × support²) are applied to the first, and so on.
+///
+/// Runs on the calling thread. Memory: the windows of one input.
+///
+/// # Panics
+/// When a window leaves its plane, or `filters` has fewer rows than `filters_per_input` says.
+///
+/// ```
+/// use lenslet_core::dictionary::extract_features;
+/// use ndarray::{Array2, array};
+///
+/// // One filter, the horizontal difference of a window's middle row, on a ramp of slope 3.
+/// let plane = Array2::from_shape_fn((5, 6), |(y, x)| (y + 3 * x) as f32);
+/// let filters = array![[0.0, 0.0, 0.0, -0.5, 0.0, 0.5, 0.0, 0.0, 0.0]];
+/// let features = extract_features(&[plane], 3, &filters, &[1], &[(0, 0), (2, 3)]);
+/// assert_eq!(features, array![[3.0], [3.0]]);
+/// ```
 #[must_use]
-pub fn extract(
-    padded: &Array2<f32>,
+pub fn extract_features(
+    padded: &[Array2<f32>],
     support: usize,
     filters: &Array2<f32>,
+    filters_per_input: &[usize],
     corners: &[(usize, usize)],
-    scratch: &mut Vec<f32>,
 ) -> Array2<f32> {
-    windows(padded, support, corners, scratch);
     let (n, m, s2) = (corners.len(), filters.nrows(), support * support);
     let mut out = Array2::<f32>::zeros((n, m));
-    let f = filters.as_standard_layout();
-    if let (Some(f), Some(o)) = (f.as_slice(), out.as_slice_mut()) {
-        matmul(
-            MatMut::from_row_major_slice_mut(o, n, m),
-            Accum::Replace,
-            MatRef::from_row_major_slice(scratch.as_slice(), n, s2),
-            MatRef::from_row_major_slice(f, m, s2).transpose(),
-            1.0,
-            Par::Seq,
-        );
+    let filters = filters.as_standard_layout();
+    let (Some(f), Some(o)) = (filters.as_slice(), out.as_slice_mut()) else { return out };
+    let mut windows = Vec::new();
+    let mut first = 0;
+    for (plane, &count) in padded.iter().zip(filters_per_input) {
+        copy_windows(plane, support, corners, &mut windows);
+        let columns = MatMut::from_row_major_slice_mut(o, n, m).subcols_mut(first, count);
+        let rows = MatRef::from_row_major_slice(&f[first * s2..(first + count) * s2], count, s2);
+        let windows = MatRef::from_row_major_slice(windows.as_slice(), n, s2);
+        matmul(columns, Accum::Replace, windows, rows.transpose(), 1.0, Par::Seq);
+        first += count;
     }
     out
+}
+
+/// Euclidean norms of the rows.
+pub(super) fn row_norms(features: &Array2<f32>) -> Vec<f32> {
+    features.rows().into_iter().map(|f| f.dot(&f).sqrt()).collect()
 }
 
 /// The gradients as one matrix, 4·window² × support² with support = window + 4: for every place of the window the
@@ -187,7 +221,7 @@ mod tests {
     #[test]
     fn padding_mirrors() {
         let plane = Array2::from_shape_fn((2, 3), |(y, x)| (3 * y + x) as f32);
-        let padded = pad(plane.view(), 3);
+        let padded = pad_mirrored(plane.view(), 3);
         assert_eq!(padded.row(3).to_vec(), [2.0, 1.0, 0.0, 0.0, 1.0, 2.0, 2.0, 1.0, 0.0]);
         assert_eq!(padded.column(3).to_vec(), [3.0, 3.0, 0.0, 0.0, 3.0, 3.0, 0.0, 0.0]);
     }
@@ -234,11 +268,10 @@ mod tests {
         #[test]
         fn extraction_is_a_dot_product(h in 1usize..12, w in 1usize..12, seed in 0u32..1000) {
             let plane = Array2::from_shape_fn((h, w), |(y, x)| ((y * 31 + x * 17 + seed as usize) % 23) as f32 / 23.0);
-            let padded = pad(plane.view(), 3);
+            let padded = pad_mirrored(plane.view(), 3);
             let filters = Array2::from_shape_fn((4, 49), |(i, j)| ((i * 7 + j * 3) % 11) as f32 - 5.0);
             let corners: Vec<_> = (0..h).flat_map(|y| (0..w).map(move |x| (y, x))).collect();
-            let mut scratch = Vec::new();
-            let f = extract(&padded, 7, &filters, &corners, &mut scratch);
+            let f = extract_features(std::slice::from_ref(&padded), 7, &filters, &[4], &corners);
             for (n, &(y, x)) in corners.iter().enumerate() {
                 for i in 0..4 {
                     let plain: f32 = (0..49).map(|j| filters[[i, j]] * padded[[y + j / 7, x + j % 7]]).sum();

@@ -12,7 +12,7 @@ use lenslet_core::container::segments::Container;
 use lenslet_core::container::{CameraFacts, Capture, Cfa, ColourFacts, Levels, MlaHint, RawMosaic, write_lfp};
 use lenslet_core::decode::HexSamples;
 use lenslet_core::dictionary::{
-    Anchored, Dictionary, Footprint, Interpolation, Layer, Model, Network, Pass, Recipe, Storage,
+    Anchored, Dictionary, Footprint, Interpolation, Layer, Model, Network, PatchModel, Recipe, Storage,
 };
 use ndarray::{Array1, Array2, Array3};
 
@@ -184,10 +184,10 @@ pub fn small_samples(lenslets: i32) -> HexSamples {
     }
 }
 
-/// A dictionary of one pass and a handful of atoms.
+/// A dictionary of one model and a handful of atoms.
 pub fn small_dictionary() -> Dictionary {
     let unit = |k: usize| Array2::from_shape_fn((k, 4), |(r, c)| if c == r % 4 { 1.0 } else { 0.0 });
-    let pass = Pass {
+    let patch_model = PatchModel {
         support: 5,
         patch: 3,
         filters: Array2::from_shape_fn((4, 25), |(r, c)| (r + c) as f32 * 0.01),
@@ -195,13 +195,12 @@ pub fn small_dictionary() -> Dictionary {
         lambda: 0.05,
         low: unit(6),
         high: Array2::from_elem((6, 9), 0.25),
-        linear: Array2::from_elem((4, 9), 0.125),
-        with_linear: true,
+        ridge: Array2::from_elem((4, 9), 0.125),
         anchored: Some(Anchored { anchors: unit(3), maps: Array3::from_elem((3, 4, 9), 0.5) }),
         network: Some(Network {
             support: 5,
-            beside: vec![Interpolation::Cubic],
-            shares: vec![2, 1],
+            side_inputs: vec![Interpolation::Cubic],
+            filters_per_input: vec![2, 1],
             filters: Array2::from_shape_fn((3, 25), |(r, c)| (r + c) as f32 * 0.01),
             floor: 0.1,
             layers: vec![
@@ -212,8 +211,17 @@ pub fn small_dictionary() -> Dictionary {
     };
     let recipe = Recipe { tool: "test".into(), algorithm: "ksvd".into(), ..Recipe::default() };
     let model =
-        Model { footprint: Footprint::Lenslet, base: Interpolation::Barycentric, pitch: 3.29, passes: vec![pass] };
+        Model { footprint: Footprint::Lenslet, base: Interpolation::Barycentric, pitch: 3.29, patch_model };
     Dictionary { recipe, storage: Storage::I8, models: vec![model] }
+}
+
+/// A dictionary as tensors whose checksum is under a key that nobody reads.
+pub fn without_checksum(tensors: &[u8]) -> Vec<u8> {
+    let at = tensors.windows(8).position(|w| w == b"\"sha256\"").unwrap();
+    let mut bytes = tensors.to_vec();
+    bytes[at + 1] = b'x';
+    assert!(lenslet_core::dictionary::from_bytes(&bytes, "a").is_ok());
+    bytes
 }
 
 /// Length of a dictionary file's header.

@@ -1,6 +1,6 @@
 //! Patch pairs out of crops (paper section 4.4, after its ref. [22]): features of the low image and the residual high − low.
 
-use lenslet_core::dictionary::{self, extract, extract_beside, pad, windows};
+use lenslet_core::dictionary::{self, copy_windows, extract_features, pad_mirrored};
 use ndarray::Array2;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -100,12 +100,12 @@ fn moments(crops: &[Crop], support: usize, of: &(dyn Fn(&Crop) -> Array2<f32> + 
     let parts: Vec<Array2<f64>> = crops
         .par_iter()
         .map(|crop| {
-            let padded = pad(of(crop).view(), support / 2);
+            let padded = pad_mirrored(of(crop).view(), support / 2);
             let (h, w) = crop.low.dim();
             let corners: Vec<_> =
                 (0..h).step_by(9).flat_map(|y| (0..w).step_by(9).map(move |x| (y, x))).take(4096).collect();
             let mut values = Vec::new();
-            windows(&padded, support, &corners, &mut values);
+            copy_windows(&padded, support, &corners, &mut values);
             // Gradients do not see the mean; without it the sums lose nothing to rounding.
             for w in values.chunks_exact_mut(if centred { n } else { usize::MAX }) {
                 let mean = w.iter().sum::<f32>() / n as f32;
@@ -131,7 +131,8 @@ pub fn pairs(crops: &[Crop], filters: &Array2<f32>, options: &PatchOptions) -> R
         return Err(Error::Parameter(format!("filters of shape {:?} for windows of {support}", filters.dim())));
     }
     let features = |crop: &Crop, centres: &[(usize, usize)]| {
-        extract(&pad(crop.low.view(), support / 2), support, filters, centres, &mut Vec::new())
+        let low = pad_mirrored(crop.low.view(), support / 2);
+        extract_features(&[low], support, filters, &[filters.nrows()], centres)
     };
     collect(crops, filters.nrows(), &features, options)
 }
@@ -154,10 +155,10 @@ pub fn pairs_beside(
         return Err(Error::Parameter(format!("filters of shape {:?} shared as {shares:?}", filters.dim())));
     }
     let features = |crop: &Crop, centres: &[(usize, usize)]| {
-        let padded = |plane: &Array2<f32>| pad(plane.view(), support / 2);
+        let padded = |plane: &Array2<f32>| pad_mirrored(plane.view(), support / 2);
         let beside = crop.beside[..shares.len() - 1].iter().map(|b| padded(&(b - &crop.low)));
         let planes: Vec<Array2<f32>> = std::iter::once(padded(&crop.low)).chain(beside).collect();
-        extract_beside(&planes, support, filters, shares, centres, &mut Vec::new())
+        extract_features(&planes, support, filters, shares, centres)
     };
     collect(crops, filters.nrows(), &features, options)
 }
@@ -262,7 +263,7 @@ mod tests {
         assert!(pairs.photos.iter().all(|p| *p == 5));
         // Each pair is found by brute force at some place of the crop.
         let c = crop();
-        let padded = pad(c.low.view(), 4);
+        let padded = pad_mirrored(c.low.view(), 4);
         for n in (0..80).step_by(7) {
             let mut found = false;
             for y in 1..49 {

@@ -36,8 +36,6 @@ pub struct Options {
     pub lambda: Option<f32>,
     /// Copies averaged instead of the mode's own number (1, 2 or 4).
     pub ensemble: Option<usize>,
-    /// Passes used, all by default.
-    pub passes: Option<usize>,
     /// Standard deviation of the samples' noise (sRGB-encoded luminance, 0..1) instead of what is estimated from them, where
     /// the measured samples are at hand: see [`super::Measurements`].
     pub noise: Option<f32>,
@@ -51,7 +49,6 @@ impl Default for Options {
             step: None,
             lambda: None,
             ensemble: None,
-            passes: None,
             noise: None,
         }
     }

@@ -1,6 +1,6 @@
 //! Which predictor reconstructs a view, and how densely: a pure function of the mode and of what the dictionary holds.
 
-use lenslet_core::dictionary::{Model, Network, Path};
+use lenslet_core::dictionary::{Model, PatchPredictor};
 use lenslet_core::interpolation::Interpolation;
 
 use super::options::{Mode, Options};
@@ -9,9 +9,9 @@ use super::options::{Mode, Options};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Plan {
     /// How residual patches are predicted.
-    pub predictor: Path,
+    pub predictor: PatchPredictor,
     /// A second predictor whose result is averaged with it.
-    pub averaged_with: Option<Path>,
+    pub averaged_with: Option<PatchPredictor>,
     /// Pixels between patches.
     pub step: usize,
     /// Mirrored copies of the view whose results are averaged: 1, 2 or 4.
@@ -23,26 +23,26 @@ impl Plan {
     /// has one, the LASSO codes otherwise; [`Mode::Fast`] the network or the anchored regressors.
     #[must_use]
     pub fn new(model: &Model, options: &Options) -> Plan {
-        let network = model.passes.iter().any(|p| p.network.is_some());
+        let network = model.patch_model.network.is_some();
         let refined = model.base == Interpolation::Multiview && network;
         let (predictor, step, ensemble) = match options.mode {
-            Mode::Learned if refined => (Path::Network, 2, 1),
-            Mode::Network => (Path::Network, 2, 1),
-            Mode::Learned | Mode::Lasso => (Path::Lasso, 2, 1),
-            Mode::Fast if refined => (Path::Network, 4, 1),
-            Mode::Fast => (Path::Anchored, 4, 1),
-            Mode::Anchored => (Path::Anchored, 3, 1),
-            Mode::Best if refined => (Path::Network, 2, 4),
-            Mode::Best => (Path::Lasso, 2, 4),
-            Mode::Ridge => (Path::Linear, 3, 1),
+            Mode::Learned if refined => (PatchPredictor::Network, 2, 1),
+            Mode::Network => (PatchPredictor::Network, 2, 1),
+            Mode::Learned | Mode::Lasso => (PatchPredictor::Lasso, 2, 1),
+            Mode::Fast if refined => (PatchPredictor::Network, 4, 1),
+            Mode::Fast => (PatchPredictor::Anchored, 4, 1),
+            Mode::Anchored => (PatchPredictor::Anchored, 3, 1),
+            Mode::Best if refined => (PatchPredictor::Network, 2, 4),
+            Mode::Best => (PatchPredictor::Lasso, 2, 4),
+            Mode::Ridge => (PatchPredictor::Ridge, 3, 1),
         };
         let both = options.mode == Mode::Best && network && !refined;
         // Patches must not leave gaps.
-        let sides = model.passes.iter().flat_map(|p| [Some(p.patch), p.network.as_ref().map(Network::patch)]);
-        let smallest = sides.flatten().min().unwrap_or(1);
+        let patch = model.patch_model.patch;
+        let smallest = model.patch_model.network.as_ref().map_or(patch, |n| n.patch().min(patch));
         Plan {
             predictor,
-            averaged_with: both.then_some(Path::Network),
+            averaged_with: both.then_some(PatchPredictor::Network),
             step: options.step.unwrap_or(step.min(smallest)),
             ensemble: options.ensemble.unwrap_or(ensemble),
         }
@@ -58,12 +58,12 @@ mod tests {
     fn learned_is_the_network_on_refined_views_and_lasso_elsewhere() {
         let (interpolated, refined) = (embedded().unwrap(), embedded_for(Interpolation::Multiview).unwrap());
         let plan = |mode, model| Plan::new(model, &Options { mode, ..Options::default() });
-        assert_eq!(plan(Mode::Learned, &interpolated.models[0]).predictor, Path::Lasso);
-        assert_eq!(plan(Mode::Learned, &refined.models[0]).predictor, Path::Network);
-        assert_eq!(plan(Mode::Lasso, &refined.models[0]).predictor, Path::Lasso);
-        assert_eq!(plan(Mode::Best, &interpolated.models[0]).averaged_with, Some(Path::Network));
+        assert_eq!(plan(Mode::Learned, &interpolated.models[0]).predictor, PatchPredictor::Lasso);
+        assert_eq!(plan(Mode::Learned, &refined.models[0]).predictor, PatchPredictor::Network);
+        assert_eq!(plan(Mode::Lasso, &refined.models[0]).predictor, PatchPredictor::Lasso);
+        assert_eq!(plan(Mode::Best, &interpolated.models[0]).averaged_with, Some(PatchPredictor::Network));
         assert_eq!(plan(Mode::Best, &refined.models[0]).averaged_with, None);
-        assert_eq!(plan(Mode::Fast, &interpolated.models[0]).predictor, Path::Anchored);
+        assert_eq!(plan(Mode::Fast, &interpolated.models[0]).predictor, PatchPredictor::Anchored);
         let dense = Options { step: Some(1), ensemble: Some(2), ..Options::default() };
         assert_eq!(
             (Plan::new(&refined.models[0], &dense).step, Plan::new(&refined.models[0], &dense).ensemble),

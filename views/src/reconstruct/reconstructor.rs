@@ -1,6 +1,6 @@
 //! A dictionary's model made ready for views (eq. (4) on luminance, colours guided by it).
 
-use lenslet_core::dictionary::{self, Dictionary};
+use lenslet_core::dictionary::{self, Dictionary, PlaneReconstructor, ReconstructionOptions};
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{Srgb, View};
 use lenslet_core::metrics::luminance;
@@ -26,9 +26,9 @@ use super::plan::Plan;
 /// ```
 #[derive(Debug, Clone)]
 pub struct Reconstructor {
-    first: dictionary::Reconstructor,
+    first: PlaneReconstructor,
     /// Its result is averaged with the first one's.
-    second: Option<dictionary::Reconstructor>,
+    second: Option<PlaneReconstructor>,
     plan: Plan,
 }
 
@@ -42,16 +42,15 @@ impl Reconstructor {
             .model(options.footprint)
             .ok_or_else(|| dictionary::Error::Parameter("the dictionary holds no model".into()))?;
         let plan = Plan::new(model, options);
-        let prepared = |path| {
-            let options = dictionary::Options {
-                path,
+        let prepared = |predictor| {
+            let options = ReconstructionOptions {
+                predictor,
                 step: plan.step,
                 lambda: options.lambda,
                 ensemble: plan.ensemble,
-                passes: options.passes,
-                ..dictionary::Options::default()
+                ..ReconstructionOptions::default()
             };
-            dictionary::Reconstructor::new(model, &options)
+            PlaneReconstructor::new(model, &options)
         };
         Ok(Reconstructor {
             first: prepared(plan.predictor)?,
@@ -75,7 +74,7 @@ impl Reconstructor {
     /// Which interpolations of a view's own samples it takes beside the view.
     #[must_use]
     pub fn side_inputs(&self) -> &[Interpolation] {
-        self.first.beside()
+        self.first.side_inputs()
     }
 
     /// Half the side of the windows in which colours are smoothed, pixels: about what a sample takes.
@@ -93,9 +92,9 @@ impl Reconstructor {
         low: ArrayView2<'_, f32>,
         side_inputs: &[Array2<f32>],
     ) -> Result<Array2<f32>, dictionary::Error> {
-        let plane = self.first.plane_beside(low, side_inputs)?;
+        let plane = self.first.reconstruct_plane(low, side_inputs)?;
         match &self.second {
-            Some(second) => Ok((plane + second.plane_beside(low, side_inputs)?) * 0.5),
+            Some(second) => Ok((plane + second.reconstruct_plane(low, side_inputs)?) * 0.5),
             None => Ok(plane),
         }
     }

@@ -1,0 +1,58 @@
+//! What goes wrong with dictionaries, by whose fault it is.
+
+/// What goes wrong with dictionaries.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// Reading failed.
+    #[error("cannot read {path}: {source}")]
+    Io {
+        /// Which file.
+        path: String,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// Not a dictionary at all.
+    #[error("{path} is not a lenslet dictionary (.lfd or .safetensors); train one with `lenslet train-dict`")]
+    NotDictionary {
+        /// Which file.
+        path: String,
+    },
+    /// A dictionary of another format version.
+    #[error("{path} is a dictionary of format version {found}, and this lenslet reads version {known}: {remedy}")]
+    Version {
+        /// Which file.
+        path: String,
+        /// Its version.
+        found: u32,
+        /// The newest version that this library reads.
+        known: u32,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// A whole and valid file that holds what is no longer supported.
+    #[error("{path} holds {what}, which this lenslet no longer runs: train it again with `lenslet train-dict`")]
+    Unsupported {
+        /// Which file.
+        path: String,
+        /// What it holds.
+        what: &'static str,
+    },
+    /// Truncated or damaged.
+    #[error("{path} is damaged: {reason}; fetch or train it again")]
+    Malformed {
+        /// Which file.
+        path: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// Writing failed.
+    #[error(transparent)]
+    Output(#[from] crate::output::Error),
+    /// A parameter out of range, or shapes that do not fit each other.
+    #[error("{0}")]
+    Parameter(String),
+    /// The sparse solver refused.
+    #[error(transparent)]
+    Sparse(#[from] crate::sparse::Error),
+}

@@ -1,0 +1,44 @@
+//! Export of a dictionary as a folder: one .npy a matrix, and `dictionary.json` with everything else.
+
+use std::path::Path;
+
+use super::super::error::Error;
+use super::super::model::Dictionary;
+use super::super::validate::validate;
+use super::matrices::{matrices, model_names};
+use super::safetensors::metadata;
+use crate::output::Pending;
+
+/// Writes a dictionary as a folder of .npy files, named as the tensors of a `.safetensors` file (`point.lasso.low_atoms.npy`),
+/// and `dictionary.json`. Anchored maps are always f32.
+///
+/// # Errors
+/// [`Error::Parameter`] when it is not a valid dictionary; [`Error::Output`] when the folder exists (without `force`) or
+/// cannot be written.
+///
+/// ```
+/// use lenslet_core::dictionary;
+///
+/// # let bytes = include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/reference/golden-1.lfd"));
+/// # let folder = tempfile::tempdir()?;
+/// # let out = folder.path().join("npy");
+/// let dictionary = dictionary::from_bytes(bytes, "golden-1.lfd")?;
+/// dictionary::export_npy(&out, &dictionary, false)?;
+/// let atoms: ndarray::Array2<f32> = ndarray_npy::read_npy(out.join("point.lasso.low_atoms.npy"))?;
+/// assert_eq!(atoms, dictionary.models[0].patch_model.low);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn export_npy(path: &Path, dictionary: &Dictionary, force: bool) -> Result<(), Error> {
+    validate(dictionary)?;
+    let pending = Pending::directory(path, force)?;
+    let io = |source| Error::Output(crate::output::Error::Io { path: path.to_path_buf(), source });
+    for (name, model) in model_names(dictionary).into_iter().zip(&dictionary.models) {
+        for (which, values) in matrices(&model.patch_model) {
+            let file = format!("{name}.{}.npy", which.tensor_name());
+            ndarray_npy::write_npy(pending.path().join(file), &values).map_err(|e| io(std::io::Error::other(e)))?;
+        }
+    }
+    let text = serde_json::to_string_pretty(&metadata(dictionary)?).map_err(|e| Error::Parameter(e.to_string()))?;
+    std::fs::write(pending.path().join("dictionary.json"), text).map_err(io)?;
+    Ok(pending.commit()?)
+}

@@ -1,0 +1,157 @@
+//! What a dictionary holds: models of residual patches, one a footprint, each with the matrices of all its predictors.
+
+use ndarray::{Array1, Array2, Array3};
+use serde::{Deserialize, Serialize};
+
+use super::recipe::Recipe;
+use crate::interpolation::Interpolation;
+
+/// What a sample of the low image was: the scene at a point, or its mean over the lenslet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Footprint {
+    /// The image at the lenslet centre, interpolated bilinearly.
+    Point,
+    /// The mean over a disc one pitch in diameter.
+    Lenslet,
+    /// Pixels of a rectangular grid (plain enlargement of views decoded elsewhere).
+    Grid,
+}
+
+impl std::fmt::Display for Footprint {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Footprint::Point => "point",
+            Footprint::Lenslet => "lenslet",
+            Footprint::Grid => "grid",
+        })
+    }
+}
+
+/// How the residual of a patch is predicted from the features of its window.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PatchPredictor {
+    /// LASSO code of eq. (4), then Dh.
+    Lasso,
+    /// The regressor of the nearest anchor (A+); models without anchors use the LASSO code.
+    Anchored,
+    /// One ridge regressor for all patches.
+    Ridge,
+    /// The network; models without one, or calls without its side inputs, use the LASSO code.
+    Network,
+}
+
+/// Regressors anchored at unit vectors of the feature space (A+, Timofte 2014).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Anchored {
+    /// Anchors, K'×m, unit rows; the nearest by |correlation| is used.
+    pub anchors: Array2<f32>,
+    /// One linear map an anchor, K'×m×patch²: residual = fᵀ·map.
+    pub maps: Array3<f32>,
+}
+
+/// One layer of a [`Network`]: `weights`·x + `bias`; all but the last are rectified (negative values become 0).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Layer {
+    /// Outputs × inputs.
+    pub weights: Array2<f32>,
+    /// Outputs.
+    pub bias: Array1<f32>,
+}
+
+/// A small feed-forward network that predicts residual patches.
+///
+/// Features `f`: of the low image's window as in [`PatchModel`]; of each side input, filters of its difference to the low
+/// image. The first layer takes `f/n` and ln `n` with `n = max(‖f‖, floor)`; the outputs of the last times ‖f‖ are the residual.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Network {
+    /// Side of the windows (odd), pixels.
+    pub support: usize,
+    /// Interpolations of the view's own samples that are inputs besides the low image.
+    pub side_inputs: Vec<Interpolation>,
+    /// How many rows of `filters` belong to the low image, then to each side input.
+    pub filters_per_input: Vec<usize>,
+    /// Feature filters, m × support²; those of the low image sum to zero.
+    pub filters: Array2<f32>,
+    /// Smallest norm a feature vector is divided by.
+    pub floor: f32,
+    /// At least one; the first has m + 1 inputs, the last patch² outputs.
+    pub layers: Vec<Layer>,
+}
+
+impl Network {
+    /// Side of the residual patch, pixels.
+    #[must_use]
+    pub fn patch(&self) -> usize {
+        self.layers.last().map_or(0, |l| l.bias.len()).isqrt()
+    }
+}
+
+/// The learned map from the low image around a place to the residual patch there, by every [`PatchPredictor`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct PatchModel {
+    /// Side of the window of the low image that features see (odd), pixels.
+    pub support: usize,
+    /// Side of the residual patch (odd, at most `support`), pixels.
+    pub patch: usize,
+    /// Feature filters F, m × support², rows sum to zero.
+    pub filters: Array2<f32>,
+    /// Smallest norm a feature vector is divided by.
+    pub floor: f32,
+    /// λ of eq. (4) for unit features.
+    pub lambda: f32,
+    /// Dl, K×m, unit rows.
+    pub low: Array2<f32>,
+    /// Dh, K×patch².
+    pub high: Array2<f32>,
+    /// One ridge regressor for every patch, m×patch².
+    pub ridge: Array2<f32>,
+    /// Anchored regressors, the fast predictor.
+    pub anchored: Option<Anchored>,
+    /// A network, with features of its own.
+    pub network: Option<Network>,
+}
+
+/// What was trained for one footprint.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Model {
+    /// What a sample was.
+    pub footprint: Footprint,
+    /// Which interpolation made the low image.
+    pub base: Interpolation,
+    /// Output pixels between neighbouring samples of a row.
+    pub pitch: f64,
+    /// The learned map.
+    pub patch_model: PatchModel,
+}
+
+/// How values of the file's anchored maps are stored; everything else is f32.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Default)]
+#[serde(rename_all = "lowercase")]
+pub enum Storage {
+    /// As they are.
+    #[default]
+    F32,
+    /// Signed bytes with one f32 scale a row (patch² values).
+    I8,
+}
+
+/// Learned models and how they came to be.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Dictionary {
+    /// How it was made.
+    pub recipe: Recipe,
+    /// How the anchored maps are stored.
+    pub storage: Storage,
+    /// One model a footprint.
+    pub models: Vec<Model>,
+}
+
+impl Dictionary {
+    /// The model for a footprint, or the first where there is none for it; none only of a dictionary without models,
+    /// which [`super::validate`] refuses.
+    #[must_use]
+    pub fn model(&self, footprint: Footprint) -> Option<&Model> {
+        self.models.iter().find(|m| m.footprint == footprint).or_else(|| self.models.first())
+    }
+}

@@ -1,0 +1,50 @@
+//! Options of the reconstruction of a plane.
+
+use super::error::Error;
+use super::model::PatchPredictor;
+
+/// Options of a [`super::PlaneReconstructor`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct ReconstructionOptions {
+    /// How residuals are predicted; [`PatchPredictor::Lasso`] by default.
+    pub predictor: PatchPredictor,
+    /// Pixels between patches, 1 to the patch's side (that of the network's patches where it is used); 2 by default.
+    pub step: usize,
+    /// Standard deviation of the Gaussian that weighs a patch's pixels, as a fraction of its side, above 0.01; infinite
+    /// (the default) weighs all the same.
+    pub spread: f32,
+    /// Patches whose features have a smaller norm stay as they are in the low image (LASSO and anchored); 0 by default.
+    pub flat: f32,
+    /// λ of eq. (4), 0 to 1, instead of the trained one.
+    pub lambda: Option<f32>,
+    /// Averages the results of this many mirrored copies of the plane: 1 (the default), 2 (turned by half) or 4 (also
+    /// mirrored).
+    pub ensemble: usize,
+}
+
+impl Default for ReconstructionOptions {
+    fn default() -> Self {
+        ReconstructionOptions {
+            predictor: PatchPredictor::Lasso,
+            step: 2,
+            spread: f32::INFINITY,
+            flat: 0.0,
+            lambda: None,
+            ensemble: 1,
+        }
+    }
+}
+
+impl ReconstructionOptions {
+    /// Checks the ranges that do not depend on a model.
+    pub(super) fn check(&self) -> Result<(), Error> {
+        let wrong = |what: String| Err(Error::Parameter(what));
+        if !matches!(self.ensemble, 1 | 2 | 4) {
+            return wrong(format!("an ensemble of {} copies: 1, 2 or 4", self.ensemble));
+        }
+        if !(self.spread > 0.01 && self.flat >= 0.0) || self.lambda.is_some_and(|l| !(0.0..=1.0).contains(&l)) {
+            return wrong("spread, flatness or λ is out of range".into());
+        }
+        Ok(())
+    }
+}

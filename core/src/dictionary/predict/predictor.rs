@@ -1,0 +1,24 @@
+//! The trait of all predictors of residual patches.
+
+use ndarray::Array2;
+
+use super::super::error::Error;
+use crate::interpolation::Interpolation;
+
+/// Predicts the residual patches (high − low) around places of a plane.
+pub(crate) trait PredictPatches: std::fmt::Debug + Send + Sync {
+    /// Side of the window that is read around each place (odd), pixels.
+    fn support(&self) -> usize;
+
+    /// Side of the residual patch (odd), pixels.
+    fn patch(&self) -> usize;
+
+    /// The images of the view that are inputs besides the low one.
+    fn side_inputs(&self) -> &[Interpolation] {
+        &[]
+    }
+
+    /// Residual patches (n×patch²) of the windows whose top left corners are `corners` (y, x) of padded planes: the low
+    /// image, then for each side input its difference to the low image.
+    fn predict(&self, padded: &[Array2<f32>], corners: &[(usize, usize)]) -> Result<Array2<f32>, Error>;
+}

@@ -1,0 +1,40 @@
+//! Patches by one ridge regressor: residual = fᵀ·W, W = argmin Σ ‖fᵀW − t‖² + ρ‖W‖² over the training pairs. What a linear
+//! filter alone gives.
+
+use std::sync::Arc;
+
+use ndarray::Array2;
+
+use super::super::error::Error;
+use super::super::features::extract_features;
+use super::super::model::Model;
+use super::predictor::PredictPatches;
+
+/// The model's ridge regressor.
+#[derive(Debug)]
+pub(super) struct RidgeRegressor {
+    model: Arc<Model>,
+}
+
+impl RidgeRegressor {
+    pub(super) fn new(model: &Arc<Model>) -> Self {
+        RidgeRegressor { model: Arc::clone(model) }
+    }
+}
+
+impl PredictPatches for RidgeRegressor {
+    fn support(&self) -> usize {
+        self.model.patch_model.support
+    }
+
+    fn patch(&self) -> usize {
+        self.model.patch_model.patch
+    }
+
+    fn predict(&self, padded: &[Array2<f32>], corners: &[(usize, usize)]) -> Result<Array2<f32>, Error> {
+        let parts = &self.model.patch_model;
+        let features =
+            extract_features(&padded[..1], parts.support, &parts.filters, &[parts.filters.nrows()], corners);
+        Ok(features.dot(&parts.ridge))
+    }
+}
