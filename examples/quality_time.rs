@@ -114,8 +114,7 @@ fn main() -> anyhow::Result<()> {
         if predictor == PatchPredictor::Network && first.network.is_none() {
             continue;
         }
-        let options =
-            ReconstructionOptions { predictor, step, lambda, ensemble, ..ReconstructionOptions::default() };
+        let options = ReconstructionOptions { predictor, step, lambda, ensemble, ..ReconstructionOptions::default() };
         let reconstructor = PlaneReconstructor::new(model, &options)?;
         let (mut mean, mut seconds) = (0.0, 0.0);
         for (truth, low) in &planes {

@@ -24,13 +24,16 @@ enum Action {
         dictionary: PathBuf,
     },
     /// Write a dictionary in another format
-    #[command(visible_alias = "convert", after_help = "\
+    #[command(
+        visible_alias = "convert",
+        after_help = "\
 Example: lenslet dict export default --out default.safetensors
          lenslet dict export default.safetensors --out default.lfd
          lenslet dict export mine.lfd --out mine-npy/
 
 A .lfd or .safetensors file, which every command reads, or a folder of .npy files with dictionary.json. Matrices are named
-MODEL.PREDICTOR.MATRIX, as point.lasso.low_atoms.")]
+MODEL.PREDICTOR.MATRIX, as point.lasso.low_atoms."
+    )]
     Export {
         /// Dictionary file, or a name (default: the embedded one)
         dictionary: PathBuf,
@@ -141,7 +144,9 @@ pub fn run(args: &Args, _context: &Context) -> anyhow::Result<Outcome> {
                     );
                 }
                 Some(other) => {
-                    return Err(Usage(format!("--out ends in .{other}: give NAME.lfd, NAME.safetensors, or a folder")).into());
+                    return Err(
+                        Usage(format!("--out ends in .{other}: give NAME.lfd, NAME.safetensors, or a folder")).into()
+                    );
                 }
             }
             let out = out.display().to_string();

@@ -41,8 +41,7 @@ pub(super) fn add_residuals(
         let parts: Vec<Result<PartialSum, Error>> = group
             .par_iter()
             .map(|rows| {
-                let centres: Vec<(usize, usize)> =
-                    rows.iter().flat_map(|&y| xs.iter().map(move |&x| (y, x))).collect();
+                let centres: Vec<(usize, usize)> = rows.iter().flat_map(|&y| xs.iter().map(move |&x| (y, x))).collect();
                 let patches = predict(&centres)?;
                 let first = rows[0].saturating_sub(reach);
                 let last = (rows[rows.len() - 1] + reach + 1).min(h);

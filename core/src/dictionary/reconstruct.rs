@@ -51,10 +51,7 @@ impl PlaneReconstructor {
             _ => parts.patch,
         };
         if options.step == 0 || options.step > patch {
-            return Err(Error::Parameter(format!(
-                "a step of {} pixels between patches of {patch}",
-                options.step
-            )));
+            return Err(Error::Parameter(format!("a step of {} pixels between patches of {patch}", options.step)));
         }
         let model = Arc::new(model.clone());
         let predictor = predict::prepare(&model, options)?;
@@ -151,7 +148,13 @@ mod tests {
         let centres = |n: usize| (0..n).filter(move |i| i % step == 0 || *i == n - 1);
         for y in centres(h) {
             for x in centres(w) {
-                let f = extract_features(std::slice::from_ref(&padded), parts.support, &parts.filters, &[parts.filters.nrows()], &[(y, x)]);
+                let f = extract_features(
+                    std::slice::from_ref(&padded),
+                    parts.support,
+                    &parts.filters,
+                    &[parts.filters.nrows()],
+                    &[(y, x)],
+                );
                 let norm = f.row(0).dot(&f.row(0)).sqrt().max(parts.floor);
                 let patch = match predictor {
                     PatchPredictor::Ridge | PatchPredictor::Network => f.row(0).dot(&parts.ridge),
@@ -194,7 +197,8 @@ mod tests {
             for (h, w, step) in [(31, 23, 2), (20, 41, 1), (9, 9, 3), (1, 12, 2), (1, 1, 1)] {
                 let low = plane(h, w);
                 let options = ReconstructionOptions { predictor, step, ..ReconstructionOptions::default() };
-                let fast = PlaneReconstructor::new(model, &options).unwrap().reconstruct_plane(low.view(), &[]).unwrap();
+                let fast =
+                    PlaneReconstructor::new(model, &options).unwrap().reconstruct_plane(low.view(), &[]).unwrap();
                 let slow = plain(&model.patch_model, &low, step, predictor);
                 for (a, b) in fast.iter().zip(&slow) {
                     assert!((a - b).abs() < 2e-3, "{predictor:?} {h}x{w}: {a} {b}");
@@ -207,14 +211,20 @@ mod tests {
     fn the_network_stands_in_for_the_code_where_it_has_its_images() {
         let mut model = small_dictionary(4).models[0].clone();
         let lasso = PlaneReconstructor::new(&model, &ReconstructionOptions::default()).unwrap();
-        let options = ReconstructionOptions { predictor: PatchPredictor::Network, step: 1, ..ReconstructionOptions::default() };
+        let options =
+            ReconstructionOptions { predictor: PatchPredictor::Network, step: 1, ..ReconstructionOptions::default() };
         let low = plane(21, 26);
         let other = low.mapv(|v| v * v);
-        let plain = PlaneReconstructor::new(&model, &ReconstructionOptions { step: 1, ..ReconstructionOptions::default() }).unwrap();
+        let plain =
+            PlaneReconstructor::new(&model, &ReconstructionOptions { step: 1, ..ReconstructionOptions::default() })
+                .unwrap();
         // Without a network the code.
         let without = PlaneReconstructor::new(&model, &options).unwrap();
         assert!(without.side_inputs().is_empty());
-        assert_eq!(without.reconstruct_plane(low.view(), &[]).unwrap(), plain.reconstruct_plane(low.view(), &[]).unwrap());
+        assert_eq!(
+            without.reconstruct_plane(low.view(), &[]).unwrap(),
+            plain.reconstruct_plane(low.view(), &[]).unwrap()
+        );
         let network = random_network(5, &[Interpolation::Cubic]);
         model.patch_model.network = Some(network.clone());
         let r = PlaneReconstructor::new(&model, &options).unwrap();
@@ -242,7 +252,10 @@ mod tests {
         // No detail where there is none.
         let flat = Array2::from_elem((15, 15), 0.4f32);
         assert!(
-            r.reconstruct_plane(flat.view(), std::slice::from_ref(&flat)).unwrap().iter().all(|v| (v - 0.4).abs() < 1e-3)
+            r.reconstruct_plane(flat.view(), std::slice::from_ref(&flat))
+                .unwrap()
+                .iter()
+                .all(|v| (v - 0.4).abs() < 1e-3)
         );
     }
 
@@ -251,7 +264,10 @@ mod tests {
         let model = &small_dictionary(4).models[0];
         let run = |threads| {
             rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
-                PlaneReconstructor::new(model, &ReconstructionOptions::default()).unwrap().reconstruct_plane(plane(70, 50).view(), &[]).unwrap()
+                PlaneReconstructor::new(model, &ReconstructionOptions::default())
+                    .unwrap()
+                    .reconstruct_plane(plane(70, 50).view(), &[])
+                    .unwrap()
             })
         };
         assert_eq!(run(1), run(3));
@@ -269,15 +285,28 @@ mod tests {
             let nan = Array2::from_elem((12, 9), f32::NAN);
             assert!(r.reconstruct_plane(nan.view(), &[]).unwrap().iter().all(|v| v.is_finite()));
         }
-        assert!(PlaneReconstructor::new(model, &ReconstructionOptions { step: 0, ..ReconstructionOptions::default() }).is_err());
-        assert!(PlaneReconstructor::new(model, &ReconstructionOptions { step: 4, ..ReconstructionOptions::default() }).is_err());
-        assert!(PlaneReconstructor::new(model, &ReconstructionOptions { ensemble: 3, ..ReconstructionOptions::default() }).is_err());
+        assert!(
+            PlaneReconstructor::new(model, &ReconstructionOptions { step: 0, ..ReconstructionOptions::default() })
+                .is_err()
+        );
+        assert!(
+            PlaneReconstructor::new(model, &ReconstructionOptions { step: 4, ..ReconstructionOptions::default() })
+                .is_err()
+        );
+        assert!(
+            PlaneReconstructor::new(model, &ReconstructionOptions { ensemble: 3, ..ReconstructionOptions::default() })
+                .is_err()
+        );
     }
 
     #[test]
     fn a_mirrored_plane_gives_the_mirrored_ensemble() {
         let model = &small_dictionary(4).models[0];
-        let r = PlaneReconstructor::new(model, &ReconstructionOptions { ensemble: 4, step: 1, ..ReconstructionOptions::default() }).unwrap();
+        let r = PlaneReconstructor::new(
+            model,
+            &ReconstructionOptions { ensemble: 4, step: 1, ..ReconstructionOptions::default() },
+        )
+        .unwrap();
         let low = plane(24, 18);
         let mut turned = low.clone();
         turned.invert_axis(ndarray::Axis(0));

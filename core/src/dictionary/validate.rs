@@ -82,8 +82,14 @@ pub(super) fn check_network(network: &Network) -> Result<(), Error> {
     if m == 0 || m > limits::FEATURES || network.filters.ncols() != network.support * network.support {
         return wrong(format!("feature filters have shape {:?}", network.filters.dim()));
     }
-    if network.filters_per_input.len() != network.side_inputs.len() + 1 || network.filters_per_input.iter().sum::<usize>() != m {
-        return wrong(format!("{m} filters of {} inputs in groups of {:?}", network.side_inputs.len() + 1, network.filters_per_input));
+    if network.filters_per_input.len() != network.side_inputs.len() + 1
+        || network.filters_per_input.iter().sum::<usize>() != m
+    {
+        return wrong(format!(
+            "{m} filters of {} inputs in groups of {:?}",
+            network.side_inputs.len() + 1,
+            network.filters_per_input
+        ));
     }
     if network.side_inputs.iter().any(|b| !matches!(b, Interpolation::Barycentric | Interpolation::Cubic)) {
         return wrong("side inputs are interpolations of the view's own samples: barycentric, cubic".into());
@@ -111,9 +117,9 @@ pub(super) fn check_network(network: &Network) -> Result<(), Error> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::super::model::{Anchored, Footprint, Model, Storage};
+    use super::super::predict::network_tests::random_network;
     use super::super::recipe::{Photo, Recipe};
     use super::*;
-    use super::super::predict::network_tests::random_network;
     use rand::rngs::ChaCha8Rng;
     use rand::{RngExt, SeedableRng};
 

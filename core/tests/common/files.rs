@@ -210,8 +210,7 @@ pub fn small_dictionary() -> Dictionary {
         }),
     };
     let recipe = Recipe { tool: "test".into(), algorithm: "ksvd".into(), ..Recipe::default() };
-    let model =
-        Model { footprint: Footprint::Lenslet, base: Interpolation::Barycentric, pitch: 3.29, patch_model };
+    let model = Model { footprint: Footprint::Lenslet, base: Interpolation::Barycentric, pitch: 3.29, patch_model };
     Dictionary { recipe, storage: Storage::I8, models: vec![model] }
 }
 

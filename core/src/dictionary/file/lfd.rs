@@ -299,7 +299,8 @@ mod tests {
     /// A dictionary with a network, which version 3 is written for.
     fn with_network() -> Dictionary {
         let mut dictionary = small_dictionary(1);
-        dictionary.models[0].patch_model.network = Some(random_network(5, &[Interpolation::Barycentric, Interpolation::Cubic]));
+        dictionary.models[0].patch_model.network =
+            Some(random_network(5, &[Interpolation::Barycentric, Interpolation::Cubic]));
         dictionary
     }
 
@@ -457,10 +458,8 @@ mod tests {
                 dictionary.models[0].footprint = footprint;
                 let bytes = at(&dictionary);
                 let header = |b: &[u8]| b[..(FIXED + 2000).min(b.len())].to_vec();
-                let changed: Vec<(u8, u8)> = std::iter::zip(header(&first), header(&bytes))
-                    .filter(|(a, b)| a != b)
-                    .take(2)
-                    .collect();
+                let changed: Vec<(u8, u8)> =
+                    std::iter::zip(header(&first), header(&bytes)).filter(|(a, b)| a != b).take(2).collect();
                 let expected: Vec<(u8, u8)> = [j, k].into_iter().filter(|&n| n > 0).map(|n| (0, n as u8)).collect();
                 assert_eq!(changed[..expected.len()], expected, "{base} {footprint}");
             }

@@ -145,7 +145,10 @@ pub(super) type Values = Result<(Vec<usize>, Vec<f32>), String>;
 pub(super) fn assemble_model(numbers: &ModelNumbers, read: &dyn Fn(Matrix) -> Values) -> Result<Model, String> {
     let matrix = |which| two_dimensional(which, read(which)?);
     let anchored = if numbers.anchored {
-        Some(Anchored { anchors: matrix(Matrix::Anchors)?, maps: three_dimensional(Matrix::Maps, read(Matrix::Maps)?)? })
+        Some(Anchored {
+            anchors: matrix(Matrix::Anchors)?,
+            maps: three_dimensional(Matrix::Maps, read(Matrix::Maps)?)?,
+        })
     } else {
         None
     };
@@ -172,7 +175,8 @@ fn assemble_network(numbers: &NetworkNumbers, read: &dyn Fn(Matrix) -> Values) -
     let mut layers = Vec::new();
     for k in 0..numbers.layers as usize {
         let (weights, bias) = (Matrix::LayerWeights(k), Matrix::LayerBias(k));
-        layers.push(Layer { weights: two_dimensional(weights, read(weights)?)?, bias: Array1::from_vec(read(bias)?.1) });
+        layers
+            .push(Layer { weights: two_dimensional(weights, read(weights)?)?, bias: Array1::from_vec(read(bias)?.1) });
     }
     Ok(Network {
         support: side(numbers.support)?,

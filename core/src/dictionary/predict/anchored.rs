@@ -41,8 +41,7 @@ impl PredictPatches for AnchoredRegressors {
 
     fn predict(&self, padded: &[Array2<f32>], corners: &[(usize, usize)]) -> Result<Array2<f32>, Error> {
         let parts = &self.model.patch_model;
-        let features =
-            extract_features(&padded[..1], parts.support, &parts.filters, &[parts.filters.nrows()], corners);
+        let features = extract_features(&padded[..1], parts.support, &parts.filters, &[parts.filters.nrows()], corners);
         match &parts.anchored {
             Some(anchored) => Ok(regress(anchored, &features, self.flat)),
             None => Err(Error::Parameter("the model has no anchored regressors".into())),

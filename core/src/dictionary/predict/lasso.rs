@@ -50,8 +50,7 @@ impl PredictPatches for LassoCodes {
 
     fn predict(&self, padded: &[Array2<f32>], corners: &[(usize, usize)]) -> Result<Array2<f32>, Error> {
         let parts = &self.model.patch_model;
-        let features =
-            extract_features(&padded[..1], parts.support, &parts.filters, &[parts.filters.nrows()], corners);
+        let features = extract_features(&padded[..1], parts.support, &parts.filters, &[parts.filters.nrows()], corners);
         let norms = row_norms(&features);
         let kept: Vec<usize> = (0..norms.len()).filter(|&n| norms[n] > self.least_norm).collect();
         let mut patches = Array2::zeros((features.nrows(), parts.high.ncols()));

@@ -23,7 +23,9 @@ pub(super) use predictor::PredictPatches;
 pub(super) fn prepare(model: &Arc<Model>, options: &ReconstructionOptions) -> Result<Arc<dyn PredictPatches>, Error> {
     let parts = &model.patch_model;
     Ok(match options.predictor {
-        PatchPredictor::Anchored if parts.anchored.is_some() => Arc::new(anchored::AnchoredRegressors::new(model, options.flat)),
+        PatchPredictor::Anchored if parts.anchored.is_some() => {
+            Arc::new(anchored::AnchoredRegressors::new(model, options.flat))
+        }
         PatchPredictor::Network if parts.network.is_some() => Arc::new(network::PatchNetwork::new(model)),
         PatchPredictor::Ridge => Arc::new(ridge::RidgeRegressor::new(model)),
         _ => Arc::new(lasso::LassoCodes::new(model, options)?),

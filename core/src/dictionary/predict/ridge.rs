@@ -33,8 +33,7 @@ impl PredictPatches for RidgeRegressor {
 
     fn predict(&self, padded: &[Array2<f32>], corners: &[(usize, usize)]) -> Result<Array2<f32>, Error> {
         let parts = &self.model.patch_model;
-        let features =
-            extract_features(&padded[..1], parts.support, &parts.filters, &[parts.filters.nrows()], corners);
+        let features = extract_features(&padded[..1], parts.support, &parts.filters, &[parts.filters.nrows()], corners);
         Ok(features.dot(&parts.ridge))
     }
 }
