@@ -7,8 +7,8 @@
 use std::time::Instant;
 
 use criterion::{Criterion, Throughput};
-use lenslet::apps::picture;
-use lenslet::apps::refocus::{Shape, aperture, refocus};
+use lenslet::apps::refocus::{ApertureShape, aperture_weights, refocus};
+use lenslet::image_io::Picture;
 use ndarray::{Array3, Array5};
 
 const SIDE: usize = 1080;
@@ -28,7 +28,7 @@ fn cpu_seconds() -> Option<f64> {
 
 fn main() {
     let field = field();
-    let weights = aperture((7, 7), 1.0, Shape::Square);
+    let weights = aperture_weights((7, 7), 1.0, ApertureShape::Square);
     let run = |disparity: f32| {
         refocus(&field.view(), disparity, &weights.view()).unwrap_or_else(|_| Array3::zeros((1, 1, 3)))
     };
@@ -48,7 +48,7 @@ fn main() {
     group.bench_function("fractional shifts", |b| b.iter(|| run(0.73)));
     group.bench_function("whole shifts", |b| b.iter(|| run(1.0)));
     let image = run(0.73);
-    group.bench_function("to 8-bit sRGB", |b| b.iter(|| picture::from_linear(&image.view())));
+    group.bench_function("to 8-bit sRGB", |b| b.iter(|| Picture::from_linear(&image.view())));
     group.finish();
     criterion.final_summary();
 }

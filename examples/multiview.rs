@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, anyhow, bail, ensure};
-use lenslet::apps::relief;
+use lenslet::apps::depth;
 use lenslet_core::decode::{HexSamples, npz};
 use lenslet_core::dictionary::Interpolation;
 use lenslet_core::lightfield::{self, ColourSpace, LightField, ReadOptions, View, colour};
@@ -318,8 +318,8 @@ fn save(rendered: &Rendered, truth: Option<&Array3<f32>>, samples: &HexSamples, 
     let d = &rendered.disparity;
     let ends = d.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), &d| (a.min(d), b.max(d)));
     ndarray_npy::write_npy(dir.join("disparity.npy"), d)?;
-    let picture = relief::colours(&d.view(), ends);
-    std::fs::write(dir.join("disparity.png"), lenslet::apps::picture::png(&picture)?)?;
+    let picture = depth::colour_map(&d.view(), ends);
+    std::fs::write(dir.join("disparity.png"), picture.to_png()?)?;
     if a.quick {
         return Ok(());
     }

@@ -1,7 +1,15 @@
-//! Light fields in high resolution: the four resampling methods, learned reconstruction, and what a light field is for.
+//! Raw captures of lenslet light-field cameras to high-resolution light fields, and what a light field is for.
+//!
+//! This crate gathers the ones below it and adds [`apps`]: refocusing, depth, views from between the views, a page to play
+//! with. The `lenslet` program, behind the feature `cli`, is built on it.
 
-pub mod ablation;
 pub mod apps;
-pub mod report;
+pub mod image_io;
+#[cfg(feature = "pages")]
+pub mod page;
+pub mod prelude;
 
-pub use lenslet_views::{disparity, multiview, reconstruct};
+pub use lenslet_core::{
+    calibration, container, decode, dictionary, interpolation, lightfield, metrics, output, progress, sampling, sparse,
+};
+pub use lenslet_views::{self as views, disparity, interpolate, multiview, reconstruct};

@@ -1,7 +1,12 @@
-//! What a light field is for: disparity, refocusing, moving the viewpoint, a page to play with.
+//! What a light field is for: refocusing, depth, moving the viewpoint, a page to play with.
 
-pub mod picture;
+pub mod depth;
+mod error;
+mod linear_light;
 pub mod refocus;
-pub mod relief;
+#[cfg(feature = "pages")]
 pub mod viewer;
 pub mod viewpoint;
+
+pub use error::Error;
+pub use linear_light::to_linear_light;

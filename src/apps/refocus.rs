@@ -1,10 +1,11 @@
 //! Refocusing (Ng 2005): I(x) = Σ a(u, v) L(x + D·(u, v); v, u) / Σ a(u, v), shifts sub-pixel, in linear light.
 
-use anyhow::{Result, ensure};
 use ndarray::{Array2, Array3, ArrayView2, ArrayView3, ArrayView5, s};
 use rayon::prelude::*;
 
 use lenslet_views::disparity::{self, LUMINANCE, cubic_weights};
+
+use super::error::{Error, ensure_parameter, ensure_shape};
 
 /// Rows of the picture made together: every row of a view is fetched once for the four output rows it enters, and the sums
 /// of a band stay in the cache of a core.
@@ -12,7 +13,7 @@ const BAND: usize = 16;
 
 /// Which views count how much.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Shape {
+pub enum ApertureShape {
     /// Within a circle around the middle view.
     #[default]
     Round,
@@ -22,13 +23,13 @@ pub enum Shape {
 
 /// Weights (v, u) of the views through an aperture of `size` (0: the middle view alone, 1: as far as the outermost view
 /// along an axis), with a soft rim half a view step wide.
-pub fn aperture(views: (usize, usize), size: f32, shape: Shape) -> Array2<f32> {
+pub fn aperture_weights(views: (usize, usize), size: f32, shape: ApertureShape) -> Array2<f32> {
     let (cv, cu) = ((views.0 / 2) as f32, (views.1 / 2) as f32);
     let reach = cv.max(cu);
     let radius = size.clamp(0.0, 1.0) * reach;
     Array2::from_shape_fn(views, |(v, u)| {
         let (y, x) = ((v as f32 - cv).abs(), (u as f32 - cu).abs());
-        let r = if shape == Shape::Round { x.hypot(y) } else { x.max(y) };
+        let r = if shape == ApertureShape::Round { x.hypot(y) } else { x.max(y) };
         (radius + 0.5 - r).clamp(0.0, 0.5) * 2.0
     })
 }
@@ -38,13 +39,13 @@ pub fn aperture(views: (usize, usize), size: f32, shape: Shape) -> Array2<f32> {
 ///
 /// # Errors
 /// Weights of another shape, negative or all zero; a disparity that is not a number.
-pub fn refocus(data: &ArrayView5<f32>, disparity: f32, aperture: &ArrayView2<f32>) -> Result<Array3<f32>> {
+pub fn refocus(data: &ArrayView5<f32>, disparity: f32, aperture: &ArrayView2<f32>) -> Result<Array3<f32>, Error> {
     let (rows, columns, height, width, channels) = data.dim();
     check(data, aperture)?;
-    ensure!(disparity.is_finite() && disparity.abs() < 1e6, "a disparity of {disparity} is out of range");
+    ensure_parameter!(disparity.is_finite() && disparity.abs() < 1e6, "a disparity of {disparity} is out of range");
     let mut out = Array3::<f32>::zeros((height, width, channels));
     let stride = width * channels;
-    let Some(flat) = out.as_slice_mut() else { anyhow::bail!("the image is not contiguous") };
+    let Some(flat) = out.as_slice_mut() else { return Err(Error::Shape("the image is not contiguous".into())) };
     flat.par_chunks_mut((stride * BAND).max(1)).enumerate().for_each(|(b, band)| {
         let lines = band.len() / stride;
         // Two pixels of margin on each side.
@@ -140,17 +141,17 @@ pub fn all_in_focus(
     data: &ArrayView5<f32>,
     disparity: &ArrayView2<f32>,
     aperture: &ArrayView2<f32>,
-) -> Result<Array3<f32>> {
+) -> Result<Array3<f32>, Error> {
     let (rows, columns, height, width, channels) = data.dim();
     check(data, aperture)?;
-    ensure!(
+    ensure_shape!(
         disparity.dim() == (height, width),
         "the disparity has {:?} pixels, the views {height}x{width}",
         disparity.dim()
     );
     let middle = data.slice(s![rows / 2, columns / 2, .., .., ..]);
     let mut out = Array3::<f32>::zeros((height, width, channels));
-    let Some(flat) = out.as_slice_mut() else { anyhow::bail!("the image is not contiguous") };
+    let Some(flat) = out.as_slice_mut() else { return Err(Error::Shape("the image is not contiguous".into())) };
     flat.par_chunks_mut(width * channels).enumerate().for_each(|(t, row)| {
         let mut value = [0f32; 4];
         for (s, pixel) in row.chunks_exact_mut(channels).enumerate() {
@@ -189,20 +190,23 @@ pub fn all_in_focus(
     Ok(out)
 }
 
-fn check(data: &ArrayView5<f32>, aperture: &ArrayView2<f32>) -> Result<()> {
+fn check(data: &ArrayView5<f32>, aperture: &ArrayView2<f32>) -> Result<(), Error> {
     let (rows, columns, height, width, channels) = data.dim();
-    ensure!(
+    ensure_shape!(
         height > 0 && width > 0 && (1..=4).contains(&channels),
         "views of {width}x{height} with {channels} channels cannot be refocused"
     );
-    ensure!(
+    ensure_shape!(
         aperture.dim() == (rows, columns),
         "the aperture has {:?} weights for {rows}x{columns} views",
         aperture.dim()
     );
     let sum: f32 = aperture.iter().sum();
-    ensure!(sum > 0.0 && sum.is_finite() && aperture.iter().all(|a| *a >= 0.0), "the aperture lets no view through");
-    ensure!(data.is_standard_layout(), "the light field is not in (v, u, t, s, c) order in memory");
+    ensure_parameter!(
+        sum > 0.0 && sum.is_finite() && aperture.iter().all(|a| *a >= 0.0),
+        "the aperture lets no view through"
+    );
+    ensure_shape!(data.is_standard_layout(), "the light field is not in (v, u, t, s, c) order in memory");
     Ok(())
 }
 
@@ -215,10 +219,10 @@ pub fn disparity_at(
     (x, y): (f32, f32),
     options: &disparity::Options,
     observer: &dyn lenslet_core::progress::Observer,
-) -> Result<f32> {
+) -> Result<f32, Error> {
     let (rows, columns, height, width, _) = data.dim();
     let inside = x >= 0.0 && y >= 0.0 && x <= (width.max(1) - 1) as f32 && y <= (height.max(1) - 1) as f32;
-    ensure!(inside, "the point {x},{y} is outside of the views of {width}x{height}");
+    ensure_parameter!(inside, "the point {x},{y} is outside of the views of {width}x{height}");
     let reach = (rows.max(columns) / 2) as f32;
     let limit = options.range.map_or(options.limit, |(a, b)| a.abs().max(b.abs()));
     let margin = (24.0 + limit.min(64.0) * reach) as usize;
@@ -302,7 +306,7 @@ mod tests {
     #[test]
     fn fast_refocusing_equals_the_definition() {
         let field = planes(0.8, -0.6);
-        let a = aperture((5, 5), 0.8, Shape::Round);
+        let a = aperture_weights((5, 5), 0.8, ApertureShape::Round);
         for d in [0.0, 0.8, -1.3, 2.0] {
             let fast = refocus(&field.view(), d, &a.view()).unwrap();
             let slow = plain(&field.view(), d, &a);
@@ -314,7 +318,7 @@ mod tests {
     #[test]
     fn each_plane_is_sharpest_at_its_disparity() {
         let field = planes(0.8, -0.6);
-        let a = aperture((5, 5), 1.0, Shape::Square);
+        let a = aperture_weights((5, 5), 1.0, ApertureShape::Square);
         let list: Vec<f32> = (-20..=20).map(|k| 0.1 * k as f32).collect();
         for (range, truth) in [(6..34, 0.8f32), (46..74, -0.6)] {
             let best = list
@@ -333,7 +337,7 @@ mod tests {
     #[test]
     fn energy_is_kept() {
         let field = Array5::from_elem((5, 5, 20, 30, 3), 0.37f32);
-        let a = aperture((5, 5), 1.0, Shape::Round);
+        let a = aperture_weights((5, 5), 1.0, ApertureShape::Round);
         for d in [0.0, 1.7, -3.2] {
             let image = refocus(&field.view(), d, &a.view()).unwrap();
             assert!(image.iter().all(|v| (v - 0.37).abs() < 1e-5));
@@ -343,7 +347,7 @@ mod tests {
     #[test]
     fn a_closed_aperture_is_the_middle_view() {
         let field = planes(0.8, -0.6);
-        let image = refocus(&field.view(), 1.3, &aperture((5, 5), 0.0, Shape::Round).view()).unwrap();
+        let image = refocus(&field.view(), 1.3, &aperture_weights((5, 5), 0.0, ApertureShape::Round).view()).unwrap();
         assert_eq!(image, field.slice(s![2, 2, .., .., ..]));
     }
 
@@ -363,7 +367,9 @@ mod tests {
     fn all_in_focus_is_the_middle_view_where_disparity_is_right() {
         let field = planes(0.8, -0.6);
         let map = Array2::from_shape_fn((40, 80), |(_, s)| if s < 40 { 0.8f32 } else { -0.6 });
-        let image = all_in_focus(&field.view(), &map.view(), &aperture((5, 5), 1.0, Shape::Round).view()).unwrap();
+        let image =
+            all_in_focus(&field.view(), &map.view(), &aperture_weights((5, 5), 1.0, ApertureShape::Round).view())
+                .unwrap();
         let own = field.slice(s![2, 2, .., .., ..]);
         let off = (&image.slice(s![4..36, 4..34, ..]) - &own.slice(s![4..36, 4..34, ..])).mapv(f32::abs);
         assert!(off.mean().unwrap() < 0.02);

@@ -1,14 +1,15 @@
 //! Views from between the views: each pixel's disparity tells where the neighbouring views saw the same point.
 
-use anyhow::{Result, ensure};
 use ndarray::{Array2, Array3, ArrayView5};
 use rayon::prelude::*;
 
-use lenslet_views::disparity;
+use lenslet_views::disparity::{self, DepthOrder};
+
+use super::error::{Error, ensure_parameter, ensure_shape};
 
 /// How the viewpoint moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Path {
+pub enum ViewpointPath {
     /// Around the middle view.
     Circle,
     /// Left and right.
@@ -18,14 +19,14 @@ pub enum Path {
 }
 
 /// `frames` viewpoints (u, v) from the middle view, `radius` view steps away at most; the last joins the first.
-pub fn viewpoints(path: Path, radius: f32, frames: usize) -> Vec<[f32; 2]> {
+pub fn viewpoints_along(path: ViewpointPath, radius: f32, frames: usize) -> Vec<[f32; 2]> {
     (0..frames)
         .map(|k| {
             let angle = std::f32::consts::TAU * k as f32 / frames as f32;
             match path {
-                Path::Circle => [radius * angle.cos(), radius * angle.sin()],
-                Path::Horizontal => [radius * angle.sin(), 0.0],
-                Path::Vertical => [0.0, radius * angle.sin()],
+                ViewpointPath::Circle => [radius * angle.cos(), radius * angle.sin()],
+                ViewpointPath::Horizontal => [radius * angle.sin(), 0.0],
+                ViewpointPath::Vertical => [0.0, radius * angle.sin()],
             }
         })
         .collect()
@@ -36,24 +37,24 @@ pub fn viewpoints(path: Path, radius: f32, frames: usize) -> Vec<[f32; 2]> {
 ///
 /// # Errors
 /// A viewpoint outside of the views; a disparity map of another size.
-pub fn view(
+pub fn render_between_views(
     data: &ArrayView5<f32>,
     disparity: &Array2<f32>,
-    front: f32,
+    order: DepthOrder,
     [u, v]: [f32; 2],
     hold: f32,
-) -> Result<Array3<f32>> {
+) -> Result<Array3<f32>, Error> {
     let (rows, columns, height, width, channels) = data.dim();
-    ensure!(
+    ensure_shape!(
         disparity.dim() == (height, width),
         "the disparity has {:?} pixels, the views {height}x{width}",
         disparity.dim()
     );
     let (gu, gv) = (u + (columns / 2) as f32, v + (rows / 2) as f32);
     let inside = gu >= 0.0 && gv >= 0.0 && gu <= (columns - 1) as f32 && gv <= (rows - 1) as f32;
-    ensure!(inside, "the viewpoint {u},{v} is outside of the {rows}x{columns} views");
-    ensure!(hold.is_finite(), "the disparity to hold is not a number");
-    let map = disparity::carry(disparity, [u, v], front);
+    ensure_parameter!(inside, "the viewpoint {u},{v} is outside of the {rows}x{columns} views");
+    ensure_parameter!(hold.is_finite(), "the disparity to hold is not a number");
+    let map = disparity::carry(disparity, [u, v], order);
     let (u0, v0) = (gu as usize, gv as usize);
     let (fu, fv) = (gu - u0 as f32, gv - v0 as f32);
     let mut near = Vec::new();
@@ -66,7 +67,7 @@ pub fn view(
         }
     }
     let mut out = Array3::<f32>::zeros((height, width, channels));
-    let Some(flat) = out.as_slice_mut() else { anyhow::bail!("the image is not contiguous") };
+    let Some(flat) = out.as_slice_mut() else { return Err(Error::Shape("the image is not contiguous".into())) };
     let (right, bottom) = ((width - 1) as f32, (height - 1) as f32);
     flat.par_chunks_mut(width * channels).enumerate().for_each(|(t, row)| {
         for (s, pixel) in row.chunks_exact_mut(channels).enumerate() {
@@ -105,7 +106,7 @@ mod tests {
     fn a_measured_viewpoint_is_the_measured_view() {
         let field = plane(0.7);
         let map = Array2::from_elem((24, 30), 0.7);
-        let found = view(&field.view(), &map, -1.0, [1.0, -1.0], 0.0).unwrap();
+        let found = render_between_views(&field.view(), &map, DepthOrder::NearerIsSmaller, [1.0, -1.0], 0.0).unwrap();
         let off = (&found - &field.slice(s![0, 2, .., .., ..])).mapv(f32::abs);
         assert!(off.iter().all(|d| *d < 1e-5));
     }
@@ -114,7 +115,7 @@ mod tests {
     fn half_a_step_moves_half_the_disparity() {
         let field = plane(0.8);
         let map = Array2::from_elem((24, 30), 0.8);
-        let found = view(&field.view(), &map, -1.0, [0.5, 0.0], 0.0).unwrap();
+        let found = render_between_views(&field.view(), &map, DepthOrder::NearerIsSmaller, [0.5, 0.0], 0.0).unwrap();
         for t in 4..20 {
             for s in 4..26 {
                 let (x, y) = (s as f32 - 0.4, t as f32);
@@ -128,18 +129,27 @@ mod tests {
     fn the_held_plane_stands_still() {
         let field = plane(0.8);
         let map = Array2::from_elem((24, 30), 0.8);
-        let found = view(&field.view(), &map, -1.0, [0.7, 0.4], 0.8).unwrap();
+        let found = render_between_views(&field.view(), &map, DepthOrder::NearerIsSmaller, [0.7, 0.4], 0.8).unwrap();
         let off = (&found - &field.slice(s![1, 1, .., .., ..])).mapv(f32::abs);
         assert!(off.slice(s![3..21, 3..27, ..]).iter().all(|d| *d < 0.02));
     }
 
     #[test]
     fn paths_close_and_stay_within_the_radius() {
-        for path in [Path::Circle, Path::Horizontal, Path::Vertical] {
-            let list = viewpoints(path, 2.5, 24);
+        for path in [ViewpointPath::Circle, ViewpointPath::Horizontal, ViewpointPath::Vertical] {
+            let list = viewpoints_along(path, 2.5, 24);
             assert_eq!(list.len(), 24);
             assert!(list.iter().all(|[u, v]| u.hypot(*v) < 2.5001));
         }
-        assert!(view(&plane(0.0).view(), &Array2::zeros((24, 30)), -1.0, [1.5, 0.0], 0.0).is_err());
+        assert!(
+            render_between_views(
+                &plane(0.0).view(),
+                &Array2::zeros((24, 30)),
+                DepthOrder::NearerIsSmaller,
+                [1.5, 0.0],
+                0.0
+            )
+            .is_err()
+        );
     }
 }

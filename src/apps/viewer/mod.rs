@@ -1,19 +1,18 @@
 //! The viewer: a light field as one HTML file that loads nothing from outside. Refocusing and perspective in WebGL2, a plain
 //! canvas where there is none.
 
-use anyhow::{Context as _, Result, ensure};
-use base64::Engine as _;
-use base64::engine::general_purpose::STANDARD;
+use lenslet_views::disparity::DepthOrder;
 use ndarray::{Array2, ArrayView5, s};
 use rayon::prelude::*;
 use serde_json::json;
 
-use super::picture::{self, Picture};
-use crate::report;
+use super::error::{Error, ensure_parameter, ensure_shape};
+use crate::image_io::{Picture, shrink};
+use crate::page::{self, base64_of};
 
 /// Views as they go into the page.
 #[derive(Debug, Clone)]
-pub struct Set {
+pub struct ViewSet {
     /// Shown on the button that chooses it.
     pub name: String,
     /// Pictures, row after row of views, all of one size.
@@ -22,50 +21,54 @@ pub struct Set {
 
 /// All that a page needs.
 #[derive(Debug, Clone)]
-pub struct Content {
+pub struct ViewerContent {
     /// Heading and title.
     pub title: String,
     /// Rows and columns of views.
     pub views: (usize, usize),
     /// One or more light fields of the same capture, of one size.
-    pub sets: Vec<Set>,
+    pub sets: Vec<ViewSet>,
     /// Disparity of the middle view in pixels of the pictures per view step, of the pictures' size.
     pub disparity: Array2<f32>,
-    /// −1 where the nearer surface has the smaller disparity, +1 where it has the larger.
-    pub front: f32,
+    /// Which disparities are in front.
+    pub order: DepthOrder,
 }
 
 /// Shrinks the views of a light field (v, u, t, s, c) in linear light to at most `side` pixels.
-pub fn set(name: &str, data: &ArrayView5<f32>, side: usize) -> Set {
+pub fn shrink_views(name: &str, data: &ArrayView5<f32>, side: usize) -> ViewSet {
     let (rows, columns, ..) = data.dim();
     let one = |k: usize| {
         let view = data.slice(s![k / columns, k % columns, .., .., ..]);
-        picture::from_linear(&picture::shrink(&view, side).view())
+        Picture::from_linear(&shrink(&view, side).view())
     };
-    Set { name: name.to_string(), views: (0..rows * columns).into_par_iter().map(one).collect() }
+    ViewSet { name: name.to_string(), views: (0..rows * columns).into_par_iter().map(one).collect() }
 }
 
 /// The page, with the pictures as JPEG of at most `quality` (1 to 100); lower where the page would exceed `max_bytes`.
 ///
 /// # Errors
 /// Sets of different sizes, none at all, or no quality that keeps the page within `max_bytes`.
-pub fn page(content: &Content, quality: u8, max_bytes: usize) -> Result<String> {
+pub fn viewer_page(content: &ViewerContent, quality: u8, max_bytes: usize) -> Result<String, Error> {
     let (rows, columns) = content.views;
-    let first = content.sets.first().and_then(|s| s.views.first()).context("there is nothing to show")?;
+    let first = content
+        .sets
+        .first()
+        .and_then(|s| s.views.first())
+        .ok_or_else(|| Error::Shape("there is nothing to show".into()))?;
     let (width, height) = (first.width, first.height);
     for set in &content.sets {
-        ensure!(
+        ensure_shape!(
             set.views.len() == rows * columns && set.views.iter().all(|p| (p.width, p.height) == (width, height)),
             "the light fields shown together must have the same views and size; {} differs",
             set.name
         );
     }
-    ensure!(content.disparity.dim() == (height, width), "the disparity has another size than the pictures");
+    ensure_shape!(content.disparity.dim() == (height, width), "the disparity has another size than the pictures");
     let low = content.disparity.iter().copied().fold(f32::INFINITY, f32::min);
     let high = content.disparity.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-    ensure!(low.is_finite() && high.is_finite(), "the disparity has values that are not numbers");
+    ensure_parameter!(low.is_finite() && high.is_finite(), "the disparity has values that are not numbers");
     let (low, high) = if high - low < 0.1 { (low - 0.05, high + 0.05) } else { (low, high) };
-    let depth = picture::png(&relief_bytes(&content.disparity, low, high))?;
+    let depth = grey_picture(&content.disparity, low, high).to_png()?;
     let mut list: Vec<f32> = content.disparity.iter().copied().collect();
     list.sort_unstable_by(f32::total_cmp);
     let start = list[list.len() / 2];
@@ -79,29 +82,27 @@ pub fn page(content: &Content, quality: u8, max_bytes: usize) -> Result<String> 
                 let views = set
                     .views
                     .par_iter()
-                    .map(|p| Ok(STANDARD.encode(picture::jpeg(p, quality)?)))
-                    .collect::<Result<Vec<String>>>()?;
+                    .map(|p| Ok(base64_of(&p.to_jpeg(quality)?)))
+                    .collect::<Result<Vec<String>, Error>>()?;
                 Ok(json!({ "name": set.name, "views": views }))
             })
-            .collect::<Result<Vec<_>>>()?;
+            .collect::<Result<Vec<_>, Error>>()?;
         let data = json!({
             "rows": rows, "columns": columns, "width": width, "height": height, "low": low, "high": high, "start": start,
-            "front": content.front, "depth": STANDARD.encode(&depth), "sets": sets,
+            "front": content.order.sign(), "depth": base64_of(&depth), "sets": sets,
         });
         let html = fill(&content.title, &data.to_string());
         if html.len() <= max_bytes {
             return Ok(html);
         }
-        ensure!(
-            quality > 30,
-            "the page needs {} bytes even at JPEG quality {quality}, more than the {max_bytes} allowed; make the views smaller",
-            html.len()
-        );
+        if quality <= 30 {
+            return Err(Error::PageTooLarge { needed: html.len(), quality, allowed: max_bytes });
+        }
         quality -= 10;
     }
 }
 
-fn relief_bytes(disparity: &Array2<f32>, low: f32, high: f32) -> Picture {
+fn grey_picture(disparity: &Array2<f32>, low: f32, high: f32) -> Picture {
     let (height, width) = disparity.dim();
     let rgb = disparity.iter().flat_map(|d| [((d - low) / (high - low) * 255.0 + 0.5) as u8; 3]).collect();
     Picture { width, height, rgb }
@@ -109,8 +110,8 @@ fn relief_bytes(disparity: &Array2<f32>, low: f32, high: f32) -> Picture {
 
 /// Puts the parts together; whatever comes from files is escaped here.
 fn fill(title: &str, data: &str) -> String {
-    let style = format!("{}{}", report::STYLE, include_str!("page.css"));
-    let script = [report::COMMON_SCRIPT, include_str!("paint.js"), include_str!("page.js")].concat();
+    let style = format!("{}{}", page::STYLE, include_str!("page.css"));
+    let script = [page::COMMON_SCRIPT, include_str!("paint.js"), include_str!("page.js")].concat();
     // In JSON these characters occur within strings only, where they may be written like this.
     let data = data.replace('<', "\\u003c").replace('>', "\\u003e").replace('&', "\\u0026");
     // The template is taken apart before anything is put in, so that no inserted text is looked at again.
@@ -118,27 +119,36 @@ fn fill(title: &str, data: &str) -> String {
     let body: String = parts
         .iter()
         .map(|part| match *part {
-            "TITLE" => report::escape(title),
+            "TITLE" => page::escape_html(title),
             "DATA" => data.clone(),
             text => text.to_owned(),
         })
         .collect();
-    report::document(title, &style, &body, &script)
+    page::html_document(title, &style, &body, &script)
 }
 
 #[cfg(test)]
 mod tests {
+    use base64::Engine as _;
+    use base64::engine::general_purpose::STANDARD;
+
     use super::*;
 
-    fn content(title: &str) -> Content {
+    fn content(title: &str) -> ViewerContent {
         let views = (0..9).map(|k| Picture { width: 16, height: 12, rgb: vec![k as u8 * 20; 16 * 12 * 3] }).collect();
-        let sets = vec![Set { name: "</script><img src=x>".into(), views }];
-        Content { title: title.into(), views: (3, 3), sets, disparity: Array2::from_elem((12, 16), 0.5), front: -1.0 }
+        let sets = vec![ViewSet { name: "</script><img src=x>".into(), views }];
+        ViewerContent {
+            title: title.into(),
+            views: (3, 3),
+            sets,
+            disparity: Array2::from_elem((12, 16), 0.5),
+            order: DepthOrder::NearerIsSmaller,
+        }
     }
 
     #[test]
     fn texts_from_files_are_escaped_and_nothing_is_loaded() {
-        let html = page(&content("<b>\"x\" & @DATA@</b>"), 80, 1 << 20).unwrap();
+        let html = viewer_page(&content("<b>\"x\" & @DATA@</b>"), 80, 1 << 20).unwrap();
         assert!(!html.contains("<b>") && !html.contains("</script><img"));
         assert!(
             html.contains("<title>&lt;b&gt;&quot;x") && html.contains("&lt;b&gt;&quot;x&quot; &amp; @DATA@&lt;/b&gt;")
@@ -151,7 +161,7 @@ mod tests {
 
     #[test]
     fn the_data_reads_back() {
-        let html = page(&content("t"), 80, 1 << 20).unwrap();
+        let html = viewer_page(&content("t"), 80, 1 << 20).unwrap();
         let start = html.find("application/json\">").unwrap() + "application/json\">".len();
         let end = start + html[start..].find("</script>").unwrap();
         let data: serde_json::Value = serde_json::from_str(&html[start..end]).unwrap();
@@ -164,9 +174,9 @@ mod tests {
 
     #[test]
     fn too_small_a_limit_is_refused() {
-        assert!(page(&content("t"), 80, 1000).is_err());
+        assert!(viewer_page(&content("t"), 80, 1000).is_err());
         let mut other = content("t");
         other.sets[0].views.pop();
-        assert!(page(&other, 80, 1 << 20).is_err());
+        assert!(viewer_page(&other, 80, 1 << 20).is_err());
     }
 }

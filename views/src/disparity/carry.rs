@@ -2,19 +2,19 @@
 
 use ndarray::Array2;
 
+use super::depth_order::DepthOrder;
 use super::planes::Plane;
 
-/// The middle view's disparity as the view `step` = (u, v) away sees it: nearest surfaces win (`front` −1: those of the smaller
-/// disparity, +1: of the larger), gaps are filled with what lies behind. Units: pixels per view step, pixels of this map.
-pub fn carry(disparity: &Array2<f32>, step: [f32; 2], front: f32) -> Array2<f32> {
+/// The middle view's disparity as the view `step` = (u, v) away sees it: surfaces nearer by `order` win, gaps are filled with what lies behind. Units: pixels per view step, pixels of this map.
+pub fn carry(disparity: &Array2<f32>, step: [f32; 2], order: DepthOrder) -> Array2<f32> {
     let (height, width) = disparity.dim();
     let plane = Plane { width, height, data: disparity.iter().copied().collect() };
-    let carried = carry_plane(&plane, [1.0, 1.0], step, front);
+    let carried = carry_plane(&plane, [1.0, 1.0], step, order);
     Array2::from_shape_vec((height, width), carried.data).unwrap_or_else(|_| disparity.clone())
 }
 
 /// As [`carry`], for a map whose pixels are `scale` (x, y) times larger than the unit of its disparities.
-pub fn carry_plane(central: &Plane, scale: [f32; 2], step: [f32; 2], front: f32) -> Plane {
+pub fn carry_plane(central: &Plane, scale: [f32; 2], step: [f32; 2], order: DepthOrder) -> Plane {
     if step == [0.0, 0.0] {
         return central.clone();
     }
@@ -32,18 +32,18 @@ pub fn carry_plane(central: &Plane, scale: [f32; 2], step: [f32; 2], front: f32)
                     continue;
                 }
                 let cell = &mut out.data[py as usize * w + px as usize];
-                if cell.is_nan() || front * d > front * *cell {
+                if cell.is_nan() || order.is_in_front(d, *cell) {
                     *cell = d;
                 }
             }
         }
     }
-    fill(&mut out, step, front);
+    fill(&mut out, step, order);
     out
 }
 
 /// Fills what no surface covered: of the first values found both ways along the movement `step`, the one further behind.
-fn fill(plane: &mut Plane, step: [f32; 2], front: f32) {
+fn fill(plane: &mut Plane, step: [f32; 2], order: DepthOrder) {
     let (w, h) = (plane.width as isize, plane.height as isize);
     let longer = step[0].abs().max(step[1].abs());
     let way = [step[0] / longer, step[1] / longer];
@@ -64,9 +64,7 @@ fn fill(plane: &mut Plane, step: [f32; 2], front: f32) {
             let k = (t * w + s) as usize;
             if plane.data[k].is_nan() {
                 let (a, b) = (find(s, t, 1.0).unwrap_or(f32::NAN), find(s, t, -1.0).unwrap_or(f32::NAN));
-                // f32::min and max pass over NaN.
-                let behind = if front < 0.0 { a.max(b) } else { a.min(b) };
-                found.push((k, behind));
+                found.push((k, order.behind(a, b)));
             }
         }
     }
@@ -87,7 +85,7 @@ mod tests {
                 (20, 20),
                 |(t, s)| if (8..12).contains(&t) && (8..12).contains(&s) { -1.0f32 } else { 0.0 },
             );
-        let seen = carry(&map, [2.0, 0.0], -1.0);
+        let seen = carry(&map, [2.0, 0.0], DepthOrder::NearerIsSmaller);
         for t in 0..20 {
             for s in 0..20 {
                 let square = (8..12).contains(&t) && (6..10).contains(&s);

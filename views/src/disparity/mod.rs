@@ -5,6 +5,7 @@
 //! view (v, u) steps away. The HCI benchmark counts the other way round: its disparity is −D.
 
 mod carry;
+mod depth_order;
 mod errors;
 mod planes;
 mod regularise;
@@ -13,6 +14,7 @@ mod sweep;
 mod tensor;
 
 pub use carry::{carry, carry_plane};
+pub use depth_order::DepthOrder;
 pub use errors::{Errors, errors};
 use lenslet_core::progress::{Interrupted, Observer};
 use ndarray::{Array2, ArrayView5, s};

@@ -10,7 +10,7 @@ use super::refine_disparity::refine_disparity;
 use super::sample_set::SampleSet;
 use super::view_disparities::{ViewDisparities, step};
 use crate::Error;
-use crate::disparity::{self, Disparity, Plane, carry_plane};
+use crate::disparity::{self, DepthOrder, Disparity, Plane, carry_plane};
 use crate::error::ensure_shape;
 
 /// Estimates the middle view's disparity, unless `options.known` gives it, and carries it to all views.
@@ -55,18 +55,18 @@ pub fn estimate_disparities(
     let (height, width) = middle.disparity.dim();
     let scale = [size.0 as f32 / width as f32, size.1 as f32 / height as f32];
     let central = Plane { width, height, data: middle.disparity.iter().copied().collect() };
-    let front = front(&central, &grid, scale, (rows, columns));
+    let order = estimate_depth_order(&central, &grid, scale, (rows, columns));
     let maps = (0..rows * columns)
         .into_par_iter()
-        .map(|k| carry_plane(&central, scale, step((rows, columns), k), front))
+        .map(|k| carry_plane(&central, scale, step((rows, columns), k), order))
         .collect();
-    let mut disparities = ViewDisparities { rows, columns, maps, samples: Vec::new(), scale, front, middle };
+    let mut disparities = ViewDisparities { rows, columns, maps, samples: Vec::new(), scale, order, middle };
     if options.known.is_none() {
         let light: Vec<f32> = set.light();
         let central = refine_disparity(set, &light, &disparities);
         disparities.maps = (0..rows * columns)
             .into_par_iter()
-            .map(|k| carry_plane(&central, scale, step((rows, columns), k), front))
+            .map(|k| carry_plane(&central, scale, step((rows, columns), k), order))
             .collect();
         if let Ok(found) = Array2::from_shape_vec((height, width), central.data) {
             disparities.middle.disparity = found;
@@ -79,9 +79,9 @@ pub fn estimate_disparities(
     Ok(disparities)
 }
 
-/// Whether nearer surfaces have the smaller (−1) or the larger (+1) disparity: whichever explains the corner views better.
+/// Whether nearer surfaces have the smaller or the larger disparity: whichever explains the corner views better.
 /// Light fields whose views are numbered against the camera's movement have it the other way round.
-fn front(central: &Plane, grid: &[Vec<Plane>], scale: [f32; 2], views: (usize, usize)) -> f32 {
+fn estimate_depth_order(central: &Plane, grid: &[Vec<Plane>], scale: [f32; 2], views: (usize, usize)) -> DepthOrder {
     let (rows, columns) = views;
     let reference = &grid[rows / 2][columns / 2];
     let ratio = [reference.width as f32 / central.width as f32, reference.height as f32 / central.height as f32];
@@ -89,8 +89,8 @@ fn front(central: &Plane, grid: &[Vec<Plane>], scale: [f32; 2], views: (usize, u
     for (v, u) in [(0, 0), (0, columns - 1), (rows - 1, 0), (rows - 1, columns - 1)] {
         let k = v * columns + u;
         let offset = step(views, k);
-        for (sign, e) in [-1f32, 1.0].into_iter().zip(&mut error) {
-            let map = carry_plane(central, scale, offset, sign);
+        for (order, e) in [DepthOrder::NearerIsSmaller, DepthOrder::NearerIsLarger].into_iter().zip(&mut error) {
+            let map = carry_plane(central, scale, offset, order);
             for t in 0..map.height {
                 for s in 0..map.width {
                     let d = map.data[t * map.width + s];
@@ -102,14 +102,14 @@ fn front(central: &Plane, grid: &[Vec<Plane>], scale: [f32; 2], views: (usize, u
             }
         }
     }
-    if error[1] < 0.995 * error[0] { 1.0 } else { -1.0 }
+    if error[1] < 0.995 * error[0] { DepthOrder::NearerIsLarger } else { DepthOrder::NearerIsSmaller }
 }
 
-/// Which surfaces are in front (see [`ViewDisparities::front`]) in the light field (v, u, t, s, c), given its middle view's disparity.
+/// Which disparities are in front in the light field (v, u, t, s, c), given its middle view's disparity.
 ///
 /// # Errors
 /// Views of other than one or three channels.
-pub fn front_of(data: &ndarray::ArrayView5<f32>, disparity: &Array2<f32>) -> Result<f32, Error> {
+pub fn depth_order_of(data: &ndarray::ArrayView5<f32>, disparity: &Array2<f32>) -> Result<DepthOrder, Error> {
     let (rows, columns, ..) = data.dim();
     let (height, width) = disparity.dim();
     let mut grid = vec![vec![Plane::filled(1, 1, 0.0); columns]; rows];
@@ -119,5 +119,5 @@ pub fn front_of(data: &ndarray::ArrayView5<f32>, disparity: &Array2<f32>) -> Res
         }
     }
     let central = Plane { width, height, data: disparity.iter().copied().collect() };
-    Ok(front(&central, &grid, [1.0, 1.0], (rows, columns)))
+    Ok(estimate_depth_order(&central, &grid, [1.0, 1.0], (rows, columns)))
 }

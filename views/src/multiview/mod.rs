@@ -13,7 +13,7 @@ mod smooth_fit;
 mod triangulated;
 mod view_disparities;
 
-pub use estimate::{estimate_disparities, front_of};
+pub use estimate::{depth_order_of, estimate_disparities};
 pub use holdout::{HiddenScore, hidden_score};
 pub use options::{Fit, Options};
 pub use refined_views::RefinedViews;

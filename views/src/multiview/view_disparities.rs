@@ -1,6 +1,6 @@
 //! Disparity of every view on a common working grid.
 
-use crate::disparity::{Disparity, Plane};
+use crate::disparity::{DepthOrder, Disparity, Plane};
 
 /// Disparity maps of all views on a common working grid.
 pub struct ViewDisparities {
@@ -12,8 +12,8 @@ pub struct ViewDisparities {
     pub(super) samples: Vec<f32>,
     /// Pixels of the target per pixel of the maps.
     pub(super) scale: [f32; 2],
-    /// −1 where the nearer surface has the smaller disparity (the usual order of views), +1 where it has the larger.
-    pub front: f32,
+    /// Which disparities are in front.
+    pub order: DepthOrder,
     /// What was found in the middle view, pixels of the target per view step, on the working grid.
     pub middle: Disparity,
 }

@@ -3,12 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use lenslet::apps::{picture, relief};
-use lenslet::disparity;
+use lenslet::apps::depth;
+use lenslet::image_io::{self, Picture};
 use lenslet_core::output::Pending;
 use lenslet_core::pfm;
 use lenslet_core::progress::Observer;
-use lenslet_views::multiview::front_of;
+use lenslet_views::disparity::{self, DepthOrder};
+use lenslet_views::multiview::depth_order_of;
 use ndarray::{Array2, s};
 use serde_json::{Value, json};
 
@@ -77,20 +78,23 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let start = std::time::Instant::now();
     let found = disparity::estimate(&field.data.view(), &options, &context.progress)?;
     let seconds = start.elapsed().as_secs_f64();
-    let front = front_of(&field.data.view(), &found.disparity)?;
+    let order = depth_order_of(&field.data.view(), &found.disparity)?;
 
     let [rows, columns] = field.meta.views;
-    let middle = picture::from_linear(&field.data.slice(s![rows / 2, columns / 2, .., .., ..]));
+    let middle = Picture::from_linear(&field.data.slice(s![rows / 2, columns / 2, .., .., ..]));
     let lo = found.disparity.iter().copied().fold(f32::INFINITY, f32::min);
     let hi = found.disparity.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     let span = if hi > lo { hi - lo } else { 1.0 };
     // Near is bright.
-    let near = found.disparity.mapv(|d| front * d);
-    let ends = if front < 0.0 { (-hi, -lo) } else { (lo, hi) };
+    let near = found.disparity.mapv(|d| order.sign() * d);
+    let ends = match order {
+        DepthOrder::NearerIsSmaller => (-hi, -lo),
+        DepthOrder::NearerIsLarger => (lo, hi),
+    };
     let depth = 0.25 * middle.width as f32;
     let mean = f64::from(found.confidence.mean().unwrap_or(0.0));
     let mut json = json!({
-        "out": args.out, "smallest": lo, "largest": hi, "nearer_is": if front < 0.0 { "smaller" } else { "larger" },
+        "out": args.out, "smallest": lo, "largest": hi, "nearer_is": if order == DepthOrder::NearerIsSmaller { "smaller" } else { "larger" },
         "mean_confidence": mean, "seconds": seconds,
     });
     if let Some(path) = &args.truth {
@@ -103,9 +107,12 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     };
     write("disparity.pfm", pfm::to_bytes(found.disparity.view()))?;
     write("confidence.pfm", pfm::to_bytes(found.confidence.view()))?;
-    write("disparity.png", picture::png_grey16(&found.disparity.mapv(|d| (d - lo) / span))?)?;
-    write("colours.png", picture::png(&relief::colours(&near.view(), ends))?)?;
-    write("points.ply", relief::ply(&found.disparity, &found.confidence, &middle, front, depth, args.confident)?)?;
+    write("disparity.png", image_io::grey16_png(&found.disparity.mapv(|d| (d - lo) / span))?)?;
+    write("colours.png", depth::colour_map(&near.view(), ends).to_png()?)?;
+    write(
+        "points.ply",
+        depth::point_cloud_ply(&found.disparity, &found.confidence, &middle, order, depth, args.confident)?,
+    )?;
     write("depth.json", serde_json::to_vec_pretty(&json)?)?;
     pending.commit()?;
     let mut text =

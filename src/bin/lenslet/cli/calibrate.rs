@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context as _;
+use lenslet::image_io;
 use lenslet_core::calibration::figures::{self, Picture};
 use lenslet_core::calibration::{self, Calibration, CalibrationOptions, CalibrationVariant, paper};
 use lenslet_core::container::whites::{self, Candidate, State};
@@ -116,12 +116,8 @@ fn pictures_of(path: &Path) -> Vec<PathBuf> {
 }
 
 fn write_picture(path: &Path, force: bool, picture: Picture) -> anyhow::Result<()> {
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    let (w, h) = (picture.width as u32, picture.height as u32);
-    let image = image::RgbImage::from_raw(w, h, picture.rgb).context("a picture without pixels")?;
-    image.write_to(&mut bytes, image::ImageFormat::Png)?;
-    output::write_file(path, force, &bytes.into_inner())?;
-    Ok(())
+    let picture = image_io::Picture { width: picture.width, height: picture.height, rgb: picture.rgb };
+    Ok(output::write_file(path, force, &picture.to_png()?)?)
 }
 
 /// One calibration for each body, zoom and focus among the white images of a folder, bundle or archive.

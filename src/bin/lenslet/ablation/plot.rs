@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::table::{Table, of_name};
-use crate::report::escape;
+use lenslet::page::escape_html;
 
 const ROW: f64 = 22.0;
 const WIDTH: f64 = 520.0;
@@ -41,8 +41,8 @@ pub(super) fn dots(table: &Table, name: &str) -> Option<String> {
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" role=\"img\" viewBox=\"0 0 {WIDTH} {:.0}\" aria-label=\"{} of {}\">",
         bottom + 40.0,
-        escape(heading),
-        escape(&table.experiment)
+        escape_html(heading),
+        escape_html(&table.experiment)
     );
     let digits = if step >= 1.0 { 0 } else { (-step.log10()).ceil().clamp(0.0, 4.0) as usize };
     let mut k = 0;
@@ -63,7 +63,7 @@ pub(super) fn dots(table: &Table, name: &str) -> Option<String> {
             "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
             left - 10.0,
             y + 4.0,
-            escape(variant)
+            escape_html(variant)
         );
         for row in table.rows.iter().filter(|r| r.variant == *variant) {
             let Some(cell) = row.cells[column] else { continue };
@@ -89,7 +89,7 @@ pub(super) fn dots(table: &Table, name: &str) -> Option<String> {
             bottom + 30.0,
             at + 8.0,
             bottom + 34.0,
-            escape(subject)
+            escape_html(subject)
         );
         at += 26.0 + 9.0 * subject.chars().count() as f64;
     }

@@ -2,11 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use lenslet::apps::{picture, viewer};
-use lenslet::disparity;
+use lenslet::apps::viewer::{self, ViewerContent};
+use lenslet::image_io::shrink;
 use lenslet_core::output;
 use lenslet_core::progress::Observer;
-use lenslet_views::multiview::front_of;
+use lenslet_views::disparity::{self, DepthOrder};
+use lenslet_views::multiview::depth_order_of;
 use ndarray::Array2;
 use serde_json::json;
 
@@ -59,7 +60,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let mut side = args.side as usize;
     let mut sets = Vec::new();
     let mut views = (0, 0);
-    let mut relief: Option<(Array2<f32>, f32)> = None;
+    let mut relief: Option<(Array2<f32>, DepthOrder)> = None;
     for path in &args.light_fields {
         context.progress.begin("reading", 0);
         let field = load(path, args.views)?;
@@ -71,12 +72,16 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
             side = side.min(longer);
             let options = disparity::Options::shown();
             let found = disparity::estimate(&field.data.view(), &options, &context.progress)?;
-            let front = front_of(&field.data.view(), &found.disparity)?;
-            relief = Some((found.disparity, front));
+            let order = depth_order_of(&field.data.view(), &found.disparity)?;
+            relief = Some((found.disparity, order));
         }
-        sets.push(viewer::set(&field.meta.method.clone().unwrap_or_else(|| name(path)), &field.data.view(), side));
+        sets.push(viewer::shrink_views(
+            &field.meta.method.clone().unwrap_or_else(|| name(path)),
+            &field.data.view(),
+            side,
+        ));
     }
-    let Some((disparity, front)) = relief else { return Err(Usage("no light field given".into()).into()) };
+    let Some((disparity, order)) = relief else { return Err(Usage("no light field given".into()).into()) };
     // The same name twice tells nothing.
     for k in 0..sets.len() {
         if sets.iter().filter(|s| s.name == sets[k].name).count() > 1 {
@@ -84,14 +89,14 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         }
     }
     let scaled = |map: &Array2<f32>, side: usize| {
-        let small = picture::shrink(&map.view().insert_axis(ndarray::Axis(2)), side);
+        let small = shrink(&map.view().insert_axis(ndarray::Axis(2)), side);
         let factor = small.dim().1 as f32 / map.dim().1 as f32;
         small.index_axis(ndarray::Axis(2), 0).mapv(|d| d * factor)
     };
     let title = args.title.clone().unwrap_or_else(|| name(&args.light_fields[0]));
     context.progress.begin("writing the page", 0);
-    let content = viewer::Content { title, views, disparity: scaled(&disparity, side), sets, front };
-    let html = viewer::page(&content, args.quality, (args.max_mb * 1e6) as usize)?;
+    let content = ViewerContent { title, views, disparity: scaled(&disparity, side), sets, order };
+    let html = viewer::viewer_page(&content, args.quality, (args.max_mb * 1e6) as usize)?;
     output::write_file(&args.out, args.force, html.as_bytes())?;
     let megabytes = html.len() as f64 / 1e6;
     let text = format!(

@@ -9,9 +9,9 @@ use ndarray::Array3;
 use super::check::Verdict;
 use super::table::{Row, SCORES, Table, best, by_subject, of_name, words};
 use super::{picture, plot};
-use crate::report::picture::detail;
+use crate::report::embedded::most_detailed_place;
 use crate::report::plot::{Series, curves};
-use crate::report::{self, Page, Picture, Stage};
+use crate::report::{self, EmbeddedPicture, Page, Stage};
 
 /// Scores that are plotted where an experiment has them.
 const PLOTTED: [&str; 7] = ["psnr", "psnr_outer", "ssim", "hidden_psnr", "mtf50", "spurious", "consistency"];
@@ -157,7 +157,7 @@ fn pictures(page: &mut Page, out: &Path, subject: &str, rows: &[&Row]) {
     {
         page.compare(subject, &stages, start(&last.picture));
     }
-    let differences: Vec<(Picture, String)> =
+    let differences: Vec<(EmbeddedPicture, String)> =
         rows.iter().filter_map(|r| Some((embedded(out, r, "difference")?, r.variant.clone()))).collect();
     if !differences.is_empty() {
         page.paragraph(&format!(
@@ -169,16 +169,16 @@ fn pictures(page: &mut Page, out: &Path, subject: &str, rows: &[&Row]) {
 }
 
 /// Where the closer look begins: at the most detail.
-fn start(picture: &Picture) -> [f64; 2] {
+fn start(picture: &EmbeddedPicture) -> [f64; 2] {
     let Ok(pixels) = image::load_from_memory(&picture.bytes) else { return [0.5; 2] };
     let pixels = pixels.into_luma8();
     let (width, height) = (pixels.width() as usize, pixels.height() as usize);
     let view = Array3::from_shape_vec((height, width, 1), pixels.into_raw().into_iter().map(f32::from).collect());
-    view.map_or([0.5; 2], |view| detail(&view, report::LOUPE))
+    view.map_or([0.5; 2], |view| most_detailed_place(&view, report::LOUPE))
 }
 
 /// A picture of a row; none if it is gone or names a place outside of the folder.
-fn embedded(out: &Path, row: &Row, what: &str) -> Option<Picture> {
+fn embedded(out: &Path, row: &Row, what: &str) -> Option<EmbeddedPicture> {
     let name = row.pictures.get(what)?;
     let inside = Path::new(name).components().all(|c| matches!(c, Component::Normal(_)));
     let path = out.join(name);
@@ -188,7 +188,7 @@ fn embedded(out: &Path, row: &Row, what: &str) -> Option<Picture> {
     let bytes = std::fs::read(path).ok()?;
     let (width, height) =
         image::ImageReader::new(std::io::Cursor::new(&bytes)).with_guessed_format().ok()?.into_dimensions().ok()?;
-    Some(Picture { width: width as usize, height: height as usize, zoom: 3, kind: "image/png", bytes })
+    Some(EmbeddedPicture { width: width as usize, height: height as usize, zoom: 3, kind: "image/png", bytes })
 }
 
 #[cfg(test)]
@@ -206,7 +206,7 @@ mod tests {
             record("resampling", "<script>alert(1)</script>", 1, Some(21.0)),
             record("resampling", "barycentric", 1, Some(22.0)),
         ];
-        let png = Picture::png(&ndarray::Array3::zeros((4, 4, 3)), 1).unwrap().bytes;
+        let png = EmbeddedPicture::png(&ndarray::Array3::zeros((4, 4, 3)), 1).unwrap().bytes;
         for (k, r) in records.iter_mut().enumerate() {
             for what in ["crop", "truth", "difference"] {
                 let name = format!("pictures/{k}-{what}.png");

@@ -10,8 +10,8 @@ use lenslet_data_gen::simulate::{Kind, Region};
 use ndarray::{Array3, s};
 
 use super::scores::encoded;
-use crate::report::Picture;
-use crate::report::picture::{detail, difference};
+use crate::report::EmbeddedPicture;
+use crate::report::embedded::{difference_map, most_detailed_place};
 
 /// Side of a crop, pixels.
 const SIDE: usize = 140;
@@ -42,7 +42,7 @@ pub(super) fn of_most_detail(mosaic: &RawMosaic, size: (usize, usize)) -> (usize
         let row = |y: usize| &mosaic.data[y * mosaic.width + s * SQUARE..][..SQUARE];
         (t * SQUARE..(t + 1) * SQUARE).flat_map(row).map(|&x| f32::from(x)).sum::<f32>()
     });
-    corner(detail(&means, SIDE * width / size.0.max(1)), size)
+    corner(most_detailed_place(&means, SIDE * width / size.0.max(1)), size)
 }
 
 fn corner(at: [f64; 2], (width, height): (usize, usize)) -> (usize, usize) {
@@ -65,14 +65,14 @@ pub(super) fn save(
     let mut names = BTreeMap::new();
     let mut write = |what: &str, picture: &Array3<f32>| -> Result<()> {
         let name = format!("pictures/{key}-{what}.png");
-        output::write_file(&out.join(&name), true, &Picture::png(picture, 1)?.bytes)?;
+        output::write_file(&out.join(&name), true, &EmbeddedPicture::png(picture, 1)?.bytes)?;
         names.insert(what.to_owned(), name);
         Ok(())
     };
     write("crop", &image)?;
     if let Some(truth) = truth {
         let truth = truth.slice(window).to_owned();
-        write("difference", &difference(&image, &truth, GAIN))?;
+        write("difference", &difference_map(&image, &truth, GAIN))?;
         write("truth", &truth)?;
     }
     Ok(names)

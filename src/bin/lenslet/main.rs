@@ -1,6 +1,8 @@
-//! The `lenslet` command.
+//! The `lenslet` program.
 
+mod ablation;
 mod cli;
+mod report;
 
 fn main() -> std::process::ExitCode {
     cli::main()

@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
-use lenslet::report::plot::{Series, curves};
-use lenslet::report::{Picture, picture};
+use crate::report::plot::{Series, curves};
+use crate::report::{EmbeddedPicture, embedded};
 use lenslet_core::dictionary::{Dictionary, PatchModel};
 use lenslet_train::Epoch;
 use ndarray::{Array2, Array3, ArrayView2, s};
@@ -63,7 +63,7 @@ pub fn convergence(trace: &[Epoch]) -> String {
 ///
 /// # Errors
 /// When the dictionary has no atoms, or the picture cannot be encoded.
-pub fn mosaic(dictionary: &Dictionary) -> anyhow::Result<Picture> {
+pub fn mosaic(dictionary: &Dictionary) -> anyhow::Result<EmbeddedPicture> {
     let panels: Vec<(Array2<f32>, Array2<f32>)> = dictionary
         .models
         .iter()
@@ -84,7 +84,7 @@ pub fn mosaic(dictionary: &Dictionary) -> anyhow::Result<Picture> {
         put(l.ncols() + GAP, h);
         top += l.nrows().max(h.nrows()) + GAP;
     }
-    Picture::png(&picture::enlarge(&all, ZOOM), 1)
+    EmbeddedPicture::png(&embedded::enlarge(&all, ZOOM), 1)
 }
 
 fn low(parts: &PatchModel) -> Array2<f32> {

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use lenslet::ablation::{self, Experiment, Record, Settings, against, check, page, record, table};
+use crate::ablation::{self, Experiment, Record, Settings, against, check, page, record, table};
 use lenslet_core::output;
 use serde_json::json;
 

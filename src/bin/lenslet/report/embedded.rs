@@ -1,16 +1,14 @@
 //! Pictures for pages and files: views and crops as PNG or JPEG, difference maps, strips of crops with names.
 
 use anyhow::ensure;
-use base64::Engine as _;
-use base64::engine::general_purpose::STANDARD;
 use ndarray::{Array3, s};
 
-use super::escape;
-use crate::apps::picture as pixels;
+use lenslet::image_io::Picture;
+use lenslet::page::{base64_of, escape_html};
 
 /// An encoded picture, ready to be embedded.
 #[derive(Debug, Clone)]
-pub struct Picture {
+pub struct EmbeddedPicture {
     /// Width in pixels.
     pub width: usize,
     /// Height in pixels.
@@ -54,30 +52,30 @@ impl Crop {
     }
 }
 
-impl Picture {
+impl EmbeddedPicture {
     /// Encodes a view (t, s, c) of encoded values 0..1 as PNG; every pixel is shown as `zoom` of them.
     ///
     /// # Errors
     /// When the view is empty or cannot be encoded.
-    pub fn png(view: &Array3<f32>, zoom: usize) -> anyhow::Result<Picture> {
+    pub fn png(view: &Array3<f32>, zoom: usize) -> anyhow::Result<EmbeddedPicture> {
         let (height, width) = size(view)?;
-        let bytes = pixels::png(&pixels::from_encoded(&view.view()))?;
-        Ok(Picture { width, height, zoom, kind: "image/png", bytes })
+        let bytes = Picture::from_srgb(&view.view()).to_png()?;
+        Ok(EmbeddedPicture { width, height, zoom, kind: "image/png", bytes })
     }
 
-    /// As [`Picture::png`], as JPEG of `quality` 1..=100.
+    /// As [`EmbeddedPicture::png`], as JPEG of `quality` 1..=100.
     ///
     /// # Errors
-    /// As [`Picture::png`].
-    pub fn jpeg(view: &Array3<f32>, quality: u8) -> anyhow::Result<Picture> {
+    /// As [`EmbeddedPicture::png`].
+    pub fn jpeg(view: &Array3<f32>, quality: u8) -> anyhow::Result<EmbeddedPicture> {
         let (height, width) = size(view)?;
-        let bytes = pixels::jpeg(&pixels::from_encoded(&view.view()), quality.clamp(1, 100))?;
-        Ok(Picture { width, height, zoom: 1, kind: "image/jpeg", bytes })
+        let bytes = Picture::from_srgb(&view.view()).to_jpeg(quality.clamp(1, 100))?;
+        Ok(EmbeddedPicture { width, height, zoom: 1, kind: "image/jpeg", bytes })
     }
 
     /// The picture as an address that holds it whole.
     pub fn address(&self) -> String {
-        format!("data:{};base64,{}", self.kind, STANDARD.encode(&self.bytes))
+        format!("data:{};base64,{}", self.kind, base64_of(&self.bytes))
     }
 
     /// An `<img>` element.
@@ -87,7 +85,7 @@ impl Picture {
             "<img{zoom} width=\"{}\" height=\"{}\" alt=\"{}\" src=\"{}\">",
             self.width * self.zoom.max(1),
             self.height * self.zoom.max(1),
-            escape(description),
+            escape_html(description),
             self.address()
         )
     }
@@ -102,7 +100,7 @@ fn size(view: &Array3<f32>) -> anyhow::Result<(usize, usize)> {
 
 /// Difference of two pictures, mean over the channels, times `gain`: blue where `result` is darker, red where it is
 /// brighter, white where they agree.
-pub fn difference(result: &Array3<f32>, reference: &Array3<f32>, gain: f32) -> Array3<f32> {
+pub fn difference_map(result: &Array3<f32>, reference: &Array3<f32>, gain: f32) -> Array3<f32> {
     let (h, w, c) = result.dim();
     if reference.dim() != result.dim() || c == 0 {
         return Array3::zeros((h, w, 3));
@@ -123,7 +121,7 @@ pub fn difference(result: &Array3<f32>, reference: &Array3<f32>, gain: f32) -> A
 
 /// Where a view (t, s, c) shows most detail: the middle, as shares of width and height, of the square of `side` pixels in which
 /// neighbours differ most, of squares half a side apart. The middle of a view too small to choose.
-pub fn detail(view: &Array3<f32>, side: usize) -> [f64; 2] {
+pub fn most_detailed_place(view: &Array3<f32>, side: usize) -> [f64; 2] {
     let (height, width, channels) = view.dim();
     let side = side.max(2);
     if height < side || width < side {
@@ -162,7 +160,7 @@ pub fn enlarge(view: &Array3<f32>, times: usize) -> Array3<f32> {
 ///
 /// # Errors
 /// When there is no picture, or they differ in height.
-pub fn strip(pictures: &[(String, Array3<f32>)], gap: usize, letters: usize) -> anyhow::Result<Array3<f32>> {
+pub fn captioned_strip(pictures: &[(String, Array3<f32>)], gap: usize, letters: usize) -> anyhow::Result<Array3<f32>> {
     let height = pictures.first().map_or(0, |(_, p)| p.dim().0);
     ensure!(
         height > 0 && pictures.iter().all(|(_, p)| p.dim().0 == height && p.dim().2 == 3),
@@ -201,12 +199,12 @@ mod tests {
     #[test]
     fn a_png_holds_the_pixels_it_was_given() {
         let view = Array3::from_shape_fn((5, 7, 3), |(y, x, c)| (y * 7 + x + c) as f32 / 40.0);
-        let picture = Picture::png(&view, 2).unwrap();
+        let picture = EmbeddedPicture::png(&view, 2).unwrap();
         let back = image::load_from_memory(&picture.bytes).unwrap().into_rgb8();
         assert_eq!((back.width(), back.height()), (7, 5));
-        assert_eq!(back.into_raw(), pixels::from_encoded(&view.view()).rgb);
+        assert_eq!(back.into_raw(), Picture::from_srgb(&view.view()).rgb);
         assert!(picture.element("x").contains("width=\"14\" height=\"10\""));
-        assert!(Picture::png(&Array3::zeros((0, 3, 3)), 1).is_err());
+        assert!(EmbeddedPicture::png(&Array3::zeros((0, 3, 3)), 1).is_err());
     }
 
     #[test]
@@ -215,7 +213,7 @@ mod tests {
         let mut b = a.clone();
         b.slice_mut(s![0, 0, ..]).fill(0.6);
         b.slice_mut(s![1, 1, ..]).fill(0.4);
-        let d = difference(&a, &b, 5.0);
+        let d = difference_map(&a, &b, 5.0);
         assert!(d[[0, 0, 2]] > d[[0, 0, 0]] && d[[1, 1, 0]] > d[[1, 1, 2]]);
         assert!((0..3).all(|c| d[[0, 1, c]] == 1.0));
     }
@@ -233,7 +231,7 @@ mod tests {
     #[test]
     fn a_strip_shows_every_picture_under_its_name() {
         let one = Array3::from_elem((10, 12, 3), 0.25);
-        let strip = strip(&[("A".into(), one.clone()), ("B".into(), one)], 3, 6).unwrap();
+        let strip = captioned_strip(&[("A".into(), one.clone()), ("B".into(), one)], 3, 6).unwrap();
         assert_eq!(strip.dim(), (22, 27, 3));
         assert_eq!(strip[[15, 5, 0]], 0.25);
         assert_eq!(strip[[15, 13, 0]], 1.0);

@@ -2,7 +2,9 @@
 
 use std::fmt::Write as _;
 
-use super::{Picture, escape};
+use lenslet::page::escape_html;
+
+use super::embedded::EmbeddedPicture;
 
 /// One stage: its name and its picture; all stages of a comparison have the same size.
 #[derive(Debug, Clone)]
@@ -10,14 +12,14 @@ pub struct Stage {
     /// Shown beside the picture.
     pub name: String,
     /// The whole picture.
-    pub picture: Picture,
+    pub picture: EmbeddedPicture,
 }
 
 /// The comparison as HTML. Without a script, and on paper, it is a grid of all pictures; the script makes the slider of it.
 pub fn comparison(label: &str, stages: &[Stage], start: [f64; 2]) -> String {
     let mut html = format!(
         "<section class=\"compare\" aria-label=\"{}\" data-x=\"{:.3}\" data-y=\"{:.3}\">\n<h3>{0}</h3>\n<div class=\"grid stages\">\n",
-        escape(label),
+        escape_html(label),
         start[0],
         start[1]
     );
@@ -26,7 +28,7 @@ pub fn comparison(label: &str, stages: &[Stage], start: [f64; 2]) -> String {
             html,
             "<figure>{}<figcaption>{}</figcaption></figure>",
             stage.picture.element(&format!("{label}: {}", stage.name)),
-            escape(&stage.name)
+            escape_html(&stage.name)
         );
     }
     html.push_str("</div>\n</section>\n");

@@ -2,52 +2,22 @@
 //! text is escaped, light and dark follow the reader's system, and without scripts or on paper everything is still there.
 
 mod compare;
-pub mod picture;
+pub mod embedded;
 pub mod plot;
+#[cfg(test)]
+mod sliders;
 
 use std::fmt::Write as _;
 
-use base64::Engine as _;
-use base64::engine::general_purpose::STANDARD;
-use sha2::{Digest as _, Sha256};
+use lenslet::page::{STYLE, escape_html, html_document};
 
 pub use compare::{Stage, comparison};
-pub use picture::Picture;
+pub use embedded::EmbeddedPicture;
 
-/// Style of the pages; the viewer adds to it.
-pub const STYLE: &str = include_str!("style.css");
-/// What the scripts of report and viewer begin with.
-pub const COMMON_SCRIPT: &str = include_str!("common.js");
 /// Side of the crops that the script of the comparisons enlarges, pixels.
 pub const LOUPE: usize = 48;
 /// Script of the comparisons.
-const SCRIPT: &str = concat!(include_str!("common.js"), include_str!("script.js"));
-
-/// Text made safe for HTML, in elements and in quoted attributes.
-pub fn escape(text: &str) -> String {
-    let mut out = String::with_capacity(text.len() + 8);
-    for c in text.chars() {
-        match c {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            '\'' => out.push_str("&#39;"),
-            c => out.push(c),
-        }
-    }
-    out
-}
-
-/// Content policy of a page with the given inline script and style: these two and embedded pictures, nothing else.
-pub fn policy(script: &str, style: &str) -> String {
-    let hash = |text: &str| STANDARD.encode(Sha256::digest(text.as_bytes()));
-    format!(
-        "default-src 'none'; img-src data:; script-src 'sha256-{}'; style-src 'sha256-{}'; base-uri 'none'; form-action 'none'",
-        hash(script),
-        hash(style)
-    )
-}
+const SCRIPT: &str = concat!(include_str!("../../../page/common.js"), include_str!("script.js"));
 
 /// A table: every cell is text, numbers stand right.
 #[derive(Debug, Clone, Default)]
@@ -72,37 +42,37 @@ pub struct Page {
 impl Page {
     /// Starts a page with its title and a line below it.
     pub fn new(title: &str, subtitle: &str) -> Page {
-        let body = format!("<header><h1>{}</h1><p>{}</p></header>\n", escape(title), escape(subtitle));
+        let body = format!("<header><h1>{}</h1><p>{}</p></header>\n", escape_html(title), escape_html(subtitle));
         Page { title: title.to_owned(), body }
     }
 
     /// A heading.
     pub fn heading(&mut self, text: &str) {
-        let _ = writeln!(self.body, "<h2>{}</h2>", escape(text));
+        let _ = writeln!(self.body, "<h2>{}</h2>", escape_html(text));
     }
 
     /// A paragraph.
     pub fn paragraph(&mut self, text: &str) {
-        let _ = writeln!(self.body, "<p>{}</p>", escape(text));
+        let _ = writeln!(self.body, "<p>{}</p>", escape_html(text));
     }
 
     /// A list, each entry a name and what there is to say about it.
     pub fn list(&mut self, entries: &[(&str, &str)]) {
         self.body.push_str("<ul>");
         for (name, text) in entries {
-            let _ = write!(self.body, "<li><strong>{}</strong>: {}</li>", escape(name), escape(text));
+            let _ = write!(self.body, "<li><strong>{}</strong>: {}</li>", escape_html(name), escape_html(text));
         }
         self.body.push_str("</ul>\n");
     }
 
     /// A line with a link to a file beside the page.
     pub fn link(&mut self, file: &str, text: &str) {
-        let _ = writeln!(self.body, "<p><a href=\"{}\">{}</a></p>", escape(file), escape(text));
+        let _ = writeln!(self.body, "<p><a href=\"{}\">{}</a></p>", escape_html(file), escape_html(text));
     }
 
     /// Lines of code, as they are.
     pub fn code(&mut self, text: &str) {
-        let _ = writeln!(self.body, "<pre><code>{}</code></pre>", escape(text));
+        let _ = writeln!(self.body, "<pre><code>{}</code></pre>", escape_html(text));
     }
 
     /// A table; too wide ones scroll by themselves. Columns without any number stand left.
@@ -120,10 +90,10 @@ impl Page {
         let _ = write!(
             self.body,
             "<div class=\"wide\" tabindex=\"0\" role=\"region\" aria-label=\"{0}\"><p>{0}</p><table><thead><tr>",
-            escape(&table.caption)
+            escape_html(&table.caption)
         );
         for (c, cell) in table.head.iter().enumerate() {
-            let _ = write!(self.body, "<th scope=\"col\"{}>{}</th>", class(c, false), escape(cell));
+            let _ = write!(self.body, "<th scope=\"col\"{}>{}</th>", class(c, false), escape_html(cell));
         }
         self.body.push_str("</tr></thead><tbody>\n");
         for (r, row) in table.rows.iter().enumerate() {
@@ -131,9 +101,9 @@ impl Page {
             for (c, cell) in row.iter().enumerate() {
                 let class = class(c, table.best.contains(&(r, c)));
                 let _ = if c == 0 {
-                    write!(self.body, "<th scope=\"row\"{class}>{}</th>", escape(cell))
+                    write!(self.body, "<th scope=\"row\"{class}>{}</th>", escape_html(cell))
                 } else {
-                    write!(self.body, "<td{class}>{}</td>", escape(cell))
+                    write!(self.body, "<td{class}>{}</td>", escape_html(cell))
                 };
             }
             self.body.push_str("</tr>\n");
@@ -142,14 +112,14 @@ impl Page {
     }
 
     /// Pictures beside each other, each with its caption.
-    pub fn figures(&mut self, figures: &[(Picture, String)]) {
+    pub fn figures(&mut self, figures: &[(EmbeddedPicture, String)]) {
         self.body.push_str("<div class=\"grid\">\n");
         for (picture, caption) in figures {
             let _ = writeln!(
                 self.body,
                 "<figure>{}<figcaption>{}</figcaption></figure>",
                 picture.element(caption),
-                escape(caption)
+                escape_html(caption)
             );
         }
         self.body.push_str("</div>\n");
@@ -163,8 +133,11 @@ impl Page {
 
     /// A drawing, such as one of [`plot`], with its caption.
     pub fn drawing(&mut self, svg: &str, caption: &str) {
-        let _ =
-            writeln!(self.body, "<figure class=\"plot\">{svg}<figcaption>{}</figcaption></figure>", escape(caption));
+        let _ = writeln!(
+            self.body,
+            "<figure class=\"plot\">{svg}<figcaption>{}</figcaption></figure>",
+            escape_html(caption)
+        );
     }
 
     /// Drawings beside each other where there is room, each with its caption.
@@ -178,22 +151,8 @@ impl Page {
 
     /// The whole page.
     pub fn finish(self) -> String {
-        document(&self.title, STYLE, &format!("<main>\n{}</main>", self.body), SCRIPT)
+        html_document(&self.title, STYLE, &format!("<main>\n{}</main>", self.body), SCRIPT)
     }
-}
-
-/// A whole HTML document with its title (any text), one style, a body of HTML and the script at its end; its policy lets
-/// nothing else in.
-pub fn document(title: &str, style: &str, body: &str, script: &str) -> String {
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n\
-         <meta http-equiv=\"Content-Security-Policy\" content=\"{}\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <meta name=\"color-scheme\" content=\"light dark\">\n\
-         <title>{}</title>\n<style>{style}</style></head>\n<body>{body}\n<script>{script}</script>\n</body></html>\n",
-        escape(&policy(script, style)),
-        escape(title)
-    )
 }
 
 #[cfg(test)]
@@ -211,7 +170,7 @@ mod tests {
             rows: vec![vec!["<i>".into(), "1.0".into()]],
             best: vec![(0, 1)],
         });
-        let picture = Picture::png(&Array3::from_elem((4, 4, 3), 0.5), 1).unwrap();
+        let picture = EmbeddedPicture::png(&Array3::from_elem((4, 4, 3), 0.5), 1).unwrap();
         page.figures(&[(picture.clone(), "one <".into())]);
         let stage = |name: &str| Stage { name: name.into(), picture: picture.clone() };
         page.compare("stages", &[stage("a"), stage("b\" onload=\"x")], [0.5, 0.5]);
@@ -237,12 +196,5 @@ mod tests {
         }
         assert_eq!(page.matches("<script").count(), 1);
         assert_eq!(page.matches(" style=").count(), 0, "the policy would drop inline styles");
-    }
-
-    #[test]
-    fn the_policy_carries_the_right_hashes() {
-        // SHA-256 of the empty text, a published constant, in base 64.
-        let policy = policy("", "");
-        assert_eq!(policy.matches("47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU=").count(), 2);
     }
 }

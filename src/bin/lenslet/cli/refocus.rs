@@ -3,12 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use lenslet::apps::picture;
-use lenslet::apps::refocus::{self, Shape};
-use lenslet::disparity;
+use lenslet::apps::refocus::{self, ApertureShape};
+use lenslet::apps::to_linear_light;
+use lenslet::image_io::{self, Picture, shrink};
 use lenslet_core::lightfield::{self, LightField, ReadOptions};
 use lenslet_core::output;
 use lenslet_core::progress::Observer;
+use lenslet_views::disparity;
 use ndarray::{Array2, Array3};
 use serde_json::json;
 
@@ -104,7 +105,7 @@ pub fn load(path: &Path, views: Option<[usize; 2]>) -> anyhow::Result<LightField
         path.display(),
         field.meta.channels
     );
-    picture::make_linear(&mut field);
+    to_linear_light(&mut field);
     Ok(field)
 }
 
@@ -114,25 +115,19 @@ pub fn ending(path: &Path) -> String {
 }
 
 /// Writes pictures as one PNG, an animation (GIF, APNG), or a directory of numbered PNGs, as the name says.
-pub fn write_pictures(
-    out: &Path,
-    force: bool,
-    pictures: &[picture::Picture],
-    delay: u16,
-    name: &str,
-) -> anyhow::Result<()> {
+pub fn write_pictures(out: &Path, force: bool, pictures: &[Picture], delay: u16, name: &str) -> anyhow::Result<()> {
     match ending(out).as_str() {
-        "gif" => output::write_file(out, force, &picture::gif(pictures, delay)?)?,
-        "apng" => output::write_file(out, force, &picture::apng(pictures, delay)?)?,
+        "gif" => output::write_file(out, force, &image_io::gif(pictures, delay)?)?,
+        "apng" => output::write_file(out, force, &image_io::apng(pictures, delay)?)?,
         "png" => {
             let [one] = pictures else { anyhow::bail!("{} pictures do not fit into one PNG", pictures.len()) };
-            output::write_file(out, force, &picture::png(one)?)?;
+            output::write_file(out, force, &one.to_png()?)?;
         }
         _ => {
             let pending = output::Pending::directory(out, force)?;
             for (k, p) in pictures.iter().enumerate() {
                 let file = pending.path().join(format!("{name}_{k:03}.png"));
-                std::fs::write(&file, picture::png(p)?).with_context(|| format!("cannot write {}", file.display()))?;
+                std::fs::write(&file, p.to_png()?).with_context(|| format!("cannot write {}", file.display()))?;
             }
             pending.commit()?;
         }
@@ -153,9 +148,9 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let field = load(&args.light_field, args.views)?;
     context.progress.check()?;
     let data = field.data.view();
-    let shape = if args.shape == "square" { Shape::Square } else { Shape::Round };
+    let shape = if args.shape == "square" { ApertureShape::Square } else { ApertureShape::Round };
     let [rows, columns] = field.meta.views;
-    let aperture = refocus::aperture((rows, columns), args.aperture, shape);
+    let aperture = refocus::aperture_weights((rows, columns), args.aperture, shape);
     let options = disparity::Options::shown();
     let (list, map): (Vec<f32>, Option<Array2<f32>>) = match focus {
         Focus::Disparities(list) => (list, None),
@@ -164,10 +159,10 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     };
     let show = |image: Array3<f32>| {
         let image = match args.side {
-            Some(side) => picture::shrink(&image.view(), side as usize),
+            Some(side) => shrink(&image.view(), side as usize),
             None => image,
         };
-        picture::from_linear(&image.view())
+        Picture::from_linear(&image.view())
     };
     let mut pictures = Vec::new();
     let mut seconds = 0.0;

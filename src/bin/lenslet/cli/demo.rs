@@ -4,9 +4,9 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use crate::report::embedded::{self, Crop};
+use crate::report::{EmbeddedPicture, Page, Stage, Table, plot};
 use anyhow::Context as _;
-use lenslet::report::picture::{self, Crop};
-use lenslet::report::{Page, Picture, Stage, Table, plot};
 use lenslet_core::calibration::{self, Calibration};
 use lenslet_core::decode::{self, HexSamples};
 use lenslet_core::dictionary::Interpolation;
@@ -202,7 +202,11 @@ fn mean(scores: &[Scores], of: impl Fn(&Scores) -> f64) -> f64 {
 fn write_pictures(root: &Path, results: &[Reconstruction], truth: &Array3<f32>) -> anyhow::Result<()> {
     for (name, view) in results.iter().map(|r| (r.name, &r.views[0])).chain([("truth", truth)]) {
         let file: String = name.chars().map(|c| if c == ' ' { '-' } else { c }).collect();
-        output::write_file(&root.join("pictures").join(format!("{file}.png")), false, &Picture::png(view, 1)?.bytes)?;
+        output::write_file(
+            &root.join("pictures").join(format!("{file}.png")),
+            false,
+            &EmbeddedPicture::png(view, 1)?.bytes,
+        )?;
     }
     let strip_of = ["bicubic", "barycentric", "learned", "multiview", "learned on multiview"];
     let shown: Vec<_> = results.iter().filter(|r| strip_of.contains(&r.name)).map(|r| (r.name, &r.views[0])).collect();
@@ -211,14 +215,14 @@ fn write_pictures(root: &Path, results: &[Reconstruction], truth: &Array3<f32>) 
     for (k, (_, x, y)) in CROPS.into_iter().enumerate().filter(|(k, _)| [0, 2].contains(k)) {
         let crop = Crop::about(truth.dim(), x, y, side, side);
         let cut = |name: &str, view: &Array3<f32>| {
-            (if k == 0 { name.to_owned() } else { String::new() }, picture::enlarge(&crop.of(view), 3))
+            (if k == 0 { name.to_owned() } else { String::new() }, embedded::enlarge(&crop.of(view), 3))
         };
         let all: Vec<_> = shown.iter().map(|(name, view)| cut(name, view)).chain([cut("truth", truth)]).collect();
-        rows.push(picture::strip(&all, 6, 12 * usize::from(k == 0) + 3 * usize::from(k != 0))?);
+        rows.push(embedded::captioned_strip(&all, 6, 12 * usize::from(k == 0) + 3 * usize::from(k != 0))?);
     }
     let views: Vec<_> = rows.iter().map(|r| r.view()).collect();
     let strip = ndarray::concatenate(Axis(0), &views)?;
-    output::write_file(&root.join("comparison.png"), false, &Picture::png(&strip, 1)?.bytes)?;
+    output::write_file(&root.join("comparison.png"), false, &EmbeddedPicture::png(&strip, 1)?.bytes)?;
     Ok(())
 }
 
@@ -285,7 +289,7 @@ fn page(
     page.heading("The same view by every method");
     let mut stages = Vec::new();
     for (name, view) in results.iter().map(|r| (r.name, &r.views[0])).chain([("truth", truth)]) {
-        stages.push(Stage { name: name.to_owned(), picture: Picture::png(view, 1)? });
+        stages.push(Stage { name: name.to_owned(), picture: EmbeddedPicture::png(view, 1)? });
     }
     page.compare("central view", &stages, [CROPS[0].1, CROPS[0].2]);
     scores_section(&mut page, results);
@@ -298,7 +302,7 @@ fn page(
             .iter()
             .map(|r| (r.name, &r.views[0]))
             .chain([("truth", truth)])
-            .map(|(method, view)| Ok((Picture::png(&crop.of(view), 3)?, format!("{name}: {method}"))))
+            .map(|(method, view)| Ok((EmbeddedPicture::png(&crop.of(view), 3)?, format!("{name}: {method}"))))
             .collect::<anyhow::Result<Vec<_>>>()?;
         page.figures(&figures);
     }
@@ -308,14 +312,16 @@ fn page(
     );
     let figures = results
         .iter()
-        .map(|r| Ok((Picture::jpeg(&picture::difference(&r.views[0], truth, 5.0), 85)?, r.name.to_owned())))
+        .map(|r| {
+            Ok((EmbeddedPicture::jpeg(&embedded::difference_map(&r.views[0], truth, 5.0), 85)?, r.name.to_owned()))
+        })
         .collect::<anyhow::Result<Vec<_>>>()?;
     page.figures(&figures);
     page.heading("What a light field is for");
     page.paragraph("All 7x7 views together: focus chosen after the fact, and how far away everything is.");
     let figures = played
         .iter()
-        .map(|(name, view)| Ok((Picture::png(view, 1)?, name.clone())))
+        .map(|(name, view)| Ok((EmbeddedPicture::png(view, 1)?, name.clone())))
         .collect::<anyhow::Result<Vec<_>>>()?;
     page.figures(&figures);
     page.link(play::PAGE, "The same light field to play with: click to focus, drag to look around.");

@@ -2,10 +2,11 @@
 
 use std::path::PathBuf;
 
-use lenslet::apps::{picture, viewpoint};
-use lenslet::disparity;
+use lenslet::apps::viewpoint::{self, ViewpointPath};
+use lenslet::image_io::{Picture, shrink};
 use lenslet_core::progress::Observer;
-use lenslet_views::multiview::front_of;
+use lenslet_views::disparity;
+use lenslet_views::multiview::depth_order_of;
 use serde_json::json;
 
 use super::refocus::{ending, load, write_pictures};
@@ -62,16 +63,16 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     context.progress.check()?;
     let [rows, columns] = field.meta.views;
     let path = match args.path.as_str() {
-        "horizontal" => viewpoint::Path::Horizontal,
-        "vertical" => viewpoint::Path::Vertical,
-        _ => viewpoint::Path::Circle,
+        "horizontal" => ViewpointPath::Horizontal,
+        "vertical" => ViewpointPath::Vertical,
+        _ => ViewpointPath::Circle,
     };
     // Of an even number of views the middle one has fewer to its right and below.
     let (wide, high) = ((columns - 1 - columns / 2) as f32, (rows - 1 - rows / 2) as f32);
     let most = match path {
-        viewpoint::Path::Horizontal => wide,
-        viewpoint::Path::Vertical => high,
-        viewpoint::Path::Circle => wide.min(high),
+        ViewpointPath::Horizontal => wide,
+        ViewpointPath::Vertical => high,
+        ViewpointPath::Circle => wide.min(high),
     };
     let radius = args.radius.unwrap_or(most);
     if radius > most || most == 0.0 {
@@ -82,19 +83,19 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     }
     let options = disparity::Options::shown();
     let found = disparity::estimate(&field.data.view(), &options, &context.progress)?;
-    let front = front_of(&field.data.view(), &found.disparity)?;
+    let order = depth_order_of(&field.data.view(), &found.disparity)?;
     let hold = args.hold.unwrap_or_else(|| {
         let mut list: Vec<f32> = found.disparity.iter().copied().collect();
         list.sort_unstable_by(f32::total_cmp);
         list[list.len() / 2]
     });
-    let list = viewpoint::viewpoints(path, radius, args.frames.into());
+    let list = viewpoint::viewpoints_along(path, radius, args.frames.into());
     context.progress.begin("moving", list.len() as u64);
     let mut pictures = Vec::with_capacity(list.len());
     for at in &list {
         context.progress.check()?;
-        let image = viewpoint::view(&field.data.view(), &found.disparity, front, *at, hold)?;
-        pictures.push(picture::from_linear(&picture::shrink(&image.view(), args.side as usize).view()));
+        let image = viewpoint::render_between_views(&field.data.view(), &found.disparity, order, *at, hold)?;
+        pictures.push(Picture::from_linear(&shrink(&image.view(), args.side as usize).view()));
         context.progress.advance(1);
     }
     write_pictures(&args.out, args.force, &pictures, 6, "frame")?;

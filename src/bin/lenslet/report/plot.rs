@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::escape;
+use lenslet::page::escape_html;
 
 /// One curve.
 #[derive(Debug, Clone)]
@@ -81,9 +81,9 @@ pub fn curves(x_name: &str, y_name: &str, series: &[Series]) -> String {
         WIDTH - RIGHT,
         (LEFT + WIDTH - RIGHT) / 2.0,
         HEIGHT - 12.0,
-        escape(x_name),
+        escape_html(x_name),
         (TOP + HEIGHT - BOTTOM) / 2.0,
-        escape(y_name)
+        escape_html(y_name)
     );
     for (k, s) in series.iter().enumerate() {
         let _ = write!(svg, "<g class=\"s{}\">", k % 6);
@@ -101,7 +101,7 @@ pub fn curves(x_name: &str, y_name: &str, series: &[Series]) -> String {
                 svg,
                 "<text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"{anchor}\">{}</text>",
                 py(p[1]) - 4.0,
-                escape(&s.name)
+                escape_html(&s.name)
             );
             svg.push_str("</g>");
             continue;
@@ -112,7 +112,7 @@ pub fn curves(x_name: &str, y_name: &str, series: &[Series]) -> String {
             "<path class=\"curve\" d=\"M{x:.1} {y:.1}h20\"/><text x=\"{:.1}\" y=\"{:.1}\">{}</text></g>",
             x + 26.0,
             y + 4.0,
-            escape(&s.name)
+            escape_html(&s.name)
         );
     }
     svg + "</svg>"
@@ -135,10 +135,10 @@ pub fn bars(unit: &str, base: f64, bars: &[(String, f64)]) -> String {
             k % 6,
             start - 10.0,
             y + 15.0,
-            escape(name),
+            escape_html(name),
             start + width + 8.0,
             y + 15.0,
-            escape(unit)
+            escape_html(unit)
         );
     }
     svg + "</svg>"
@@ -147,7 +147,7 @@ pub fn bars(unit: &str, base: f64, bars: &[(String, f64)]) -> String {
 fn open(height: f64, name: &str) -> String {
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height:.0}\" role=\"img\" aria-label=\"{}\">",
-        escape(name)
+        escape_html(name)
     )
 }
 

@@ -1,12 +1,13 @@
 //! Disparity put to use: as colours, as a point cloud.
 
-use anyhow::{Result, ensure};
+use lenslet_views::disparity::DepthOrder;
 use ndarray::{Array2, ArrayView2};
 
-use super::picture::Picture;
+use super::error::{Error, ensure_shape};
+use crate::image_io::Picture;
 
 /// Colours from deep blue (`range.0`) over green to yellow (`range.1`), even in brightness.
-pub fn colours(values: &ArrayView2<f32>, range: (f32, f32)) -> Picture {
+pub fn colour_map(values: &ArrayView2<f32>, range: (f32, f32)) -> Picture {
     const STOPS: [[f32; 3]; 6] = [
         [48.0, 18.0, 92.0],
         [59.0, 82.0, 139.0],
@@ -33,16 +34,16 @@ pub fn colours(values: &ArrayView2<f32>, range: (f32, f32)) -> Picture {
 ///
 /// # Errors
 /// When the sizes differ.
-pub fn ply(
+pub fn point_cloud_ply(
     disparity: &Array2<f32>,
     confidence: &Array2<f32>,
     picture: &Picture,
-    front: f32,
+    order: DepthOrder,
     depth: f32,
     least: f32,
-) -> Result<Vec<u8>> {
+) -> Result<Vec<u8>, Error> {
     let (height, width) = disparity.dim();
-    ensure!(
+    ensure_shape!(
         confidence.dim() == (height, width) && (picture.height, picture.width) == (height, width),
         "disparity, confidence and picture differ in size"
     );
@@ -59,7 +60,7 @@ pub fn ply(
     .into_bytes();
     let (d, c): (Vec<f32>, Vec<f32>) = (disparity.iter().copied().collect(), confidence.iter().copied().collect());
     for k in kept {
-        let z = front * (d[k] - if front < 0.0 { hi } else { lo }) * unit;
+        let z = order.sign() * (d[k] - order.behind(lo, hi)) * unit;
         for v in [(k % width) as f32, -((k / width) as f32), z] {
             bytes.extend_from_slice(&v.to_le_bytes());
         }
@@ -78,7 +79,7 @@ mod tests {
         let d = Array2::from_shape_fn((4, 6), |(_, s)| s as f32);
         let c = Array2::from_shape_fn((4, 6), |(t, _)| if t < 2 { 1.0f32 } else { 0.0 });
         let picture = Picture { width: 6, height: 4, rgb: vec![7; 72] };
-        let bytes = ply(&d, &c, &picture, -1.0, 10.0, 0.5).unwrap();
+        let bytes = point_cloud_ply(&d, &c, &picture, DepthOrder::NearerIsSmaller, 10.0, 0.5).unwrap();
         let header = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
         assert_eq!(bytes.len() - header, 12 * 19);
         let z = |k: usize| f32::from_le_bytes(bytes[header + 19 * k + 8..header + 19 * k + 12].try_into().unwrap());

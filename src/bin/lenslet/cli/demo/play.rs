@@ -2,15 +2,18 @@
 
 use std::path::Path;
 
-use lenslet::apps::refocus::{self, Shape};
-use lenslet::apps::{picture, relief, viewer};
-use lenslet::disparity;
-use lenslet::report::{Picture, picture::strip};
+use crate::report::EmbeddedPicture;
+use crate::report::embedded::captioned_strip;
+use lenslet::apps::depth;
+use lenslet::apps::refocus::{self, ApertureShape};
+use lenslet::apps::viewer::{self, ViewerContent};
+use lenslet::image_io::{Picture, shrink};
 use lenslet_core::decode::HexSamples;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::View;
 use lenslet_core::output;
 use lenslet_core::progress::Observer;
+use lenslet_views::disparity::{self, DepthOrder};
 use lenslet_views::{RenderSamples as _, Target, multiview};
 use ndarray::{Array3, Array5, s};
 
@@ -41,7 +44,7 @@ pub(super) fn write(
         .observer(observer)
         .prepare()?
         .render_all(&mut |v, u, view: View| field.put(v, u, view.pixels()))?;
-    let plain = viewer::set("barycentric", &field.data.view(), SIDE);
+    let plain = viewer::shrink_views("barycentric", &field.data.view(), SIDE);
     samples
         .renderer(Interpolation::Multiview)
         .size(*target)
@@ -50,32 +53,35 @@ pub(super) fn write(
         .render_all(&mut |v, u, view: View| field.put(v, u, view.pixels()))?;
     let data = field.data.view();
     let found = disparity::estimate(&data, &disparity::Options::shown(), observer)?;
-    let front = multiview::front_of(&data, &found.disparity)?;
-    let content = viewer::Content {
+    let order = multiview::depth_order_of(&data, &found.disparity)?;
+    let content = ViewerContent {
         title: "A simulated light field to play with".to_owned(),
         views: (n, n),
-        sets: vec![viewer::set("multiview", &data, SIDE), plain],
+        sets: vec![viewer::shrink_views("multiview", &data, SIDE), plain],
         disparity: found.disparity.clone(),
-        front,
+        order,
     };
-    output::write_file(&root.join(PAGE), false, viewer::page(&content, 88, LIMIT)?.as_bytes())?;
+    output::write_file(&root.join(PAGE), false, viewer::viewer_page(&content, 88, LIMIT)?.as_bytes())?;
 
-    let aperture = refocus::aperture((n, n), 1.0, Shape::Round);
+    let aperture = refocus::aperture_weights((n, n), 1.0, ApertureShape::Round);
     let mut sorted: Vec<f32> = found.disparity.iter().copied().collect();
     sorted.sort_unstable_by(f32::total_cmp);
     let share = |f: f32| sorted[(f * (sorted.len() - 1) as f32) as usize];
-    let (near, far) = if front < 0.0 { (share(0.05), share(0.95)) } else { (share(0.95), share(0.05)) };
+    let (near, far) = match order {
+        DepthOrder::NearerIsSmaller => (share(0.05), share(0.95)),
+        DepthOrder::NearerIsLarger => (share(0.95), share(0.05)),
+    };
     let small = |image: &Array3<f32>| {
-        let screen = picture::from_linear(&picture::shrink(&image.view(), SMALL).view());
+        let screen = Picture::from_linear(&shrink(&image.view(), SMALL).view());
         let values = screen.rgb.iter().map(|&b| f32::from(b) / 255.0).collect();
         Array3::from_shape_vec((screen.height, screen.width, 3), values)
     };
     let at = |d: f32| refocus::refocus(&data, d, &aperture.view());
     let sharp = refocus::all_in_focus(&data, &found.disparity.view(), &aperture.view())?;
     // What is nearer is brighter.
-    let nearness = found.disparity.mapv(|d| d * front);
-    let (one, other) = (share(0.01) * front, share(0.99) * front);
-    let colours = relief::colours(&nearness.view(), (one.min(other), one.max(other)));
+    let nearness = found.disparity.mapv(|d| d * order.sign());
+    let (one, other) = (share(0.01) * order.sign(), share(0.99) * order.sign());
+    let colours = depth::colour_map(&nearness.view(), (one.min(other), one.max(other)));
     let depth = Array3::from_shape_vec(
         (colours.height, colours.width, 3),
         colours.rgb.iter().map(|&b| f32::from(b) / 255.0).collect(),
@@ -84,10 +90,10 @@ pub(super) fn write(
         ("focus near".to_owned(), small(&at(near)?)?),
         ("focus far".to_owned(), small(&at(far)?)?),
         ("all in focus".to_owned(), small(&sharp)?),
-        ("depth".to_owned(), picture::shrink(&depth.view(), SMALL)),
+        ("depth".to_owned(), shrink(&depth.view(), SMALL)),
     ];
-    let image = strip(&pictures, 6, 12)?;
-    output::write_file(&root.join("refocus.png"), false, &Picture::png(&image, 1)?.bytes)?;
+    let image = captioned_strip(&pictures, 6, 12)?;
+    output::write_file(&root.join("refocus.png"), false, &EmbeddedPicture::png(&image, 1)?.bytes)?;
     Ok(pictures)
 }
 
@@ -103,7 +109,7 @@ impl Stack {
     }
 
     fn put(&mut self, v: usize, u: usize, view: &Array3<f32>) -> anyhow::Result<()> {
-        let small = picture::shrink(&view.view(), SIDE);
+        let small = shrink(&view.view(), SIDE);
         if self.data.is_empty() {
             let (h, w, c) = small.dim();
             self.data = Array5::zeros((self.views, self.views, h, w, c));

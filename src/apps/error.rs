@@ -1,0 +1,58 @@
+//! What goes wrong between a light field and a picture of it.
+
+use lenslet_core::progress::Interrupted;
+
+use crate::image_io;
+
+/// Errors of the applications.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A setting out of range, or an aperture without weight: the caller's.
+    #[error("{0}")]
+    Parameter(String),
+    /// Light fields, maps and pictures whose sizes do not belong together: the input's.
+    #[error("{0}")]
+    Shape(String),
+    /// A page that would be larger than allowed.
+    #[error(
+        "the page needs {needed} bytes even at JPEG quality {quality}, more than the {allowed} allowed; make the views smaller"
+    )]
+    PageTooLarge {
+        /// Bytes of the page at that quality.
+        needed: usize,
+        /// The lowest JPEG quality that was tried.
+        quality: u8,
+        /// Bytes it may have.
+        allowed: usize,
+    },
+    /// The disparity could not be estimated.
+    #[error(transparent)]
+    Disparity(#[from] crate::disparity::Error),
+    /// A picture could not be encoded.
+    #[error(transparent)]
+    Image(#[from] image_io::Error),
+    /// The observer asked to stop.
+    #[error(transparent)]
+    Interrupted(#[from] Interrupted),
+}
+
+/// Returns [`Error::Shape`] with a formatted message unless the condition holds.
+macro_rules! ensure_shape {
+    ($condition:expr, $($message:tt)+) => {
+        if !$condition {
+            return Err($crate::apps::Error::Shape(format!($($message)+)));
+        }
+    };
+}
+
+/// Returns [`Error::Parameter`] with a formatted message unless the condition holds.
+macro_rules! ensure_parameter {
+    ($condition:expr, $($message:tt)+) => {
+        if !$condition {
+            return Err($crate::apps::Error::Parameter(format!($($message)+)));
+        }
+    };
+}
+
+pub(crate) use {ensure_parameter, ensure_shape};
