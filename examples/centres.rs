@@ -1,7 +1,6 @@
 //! Lenslet centres of a white image: `cargo run --release --example centres -- IMAGE.png OUT.npy`.
 //! Writes N×2 f64 (x, y in sensor pixels, pixel centres at integers), prints one JSON object.
 
-use std::path::Path;
 use std::sync::Mutex;
 use std::time::Instant;
 
@@ -26,7 +25,7 @@ fn main() -> anyhow::Result<()> {
     let began = Instant::now();
     let watch = Watch::default();
     watch.begin("read", 0);
-    let white = container::open(Path::new(image), None)?;
+    let white = container::Capture::open(image)?;
     let found = calibration::calibrate(&[white], &options, &watch)?;
     let seconds = began.elapsed().as_secs_f64();
     let centres = Array2::from_shape_fn((found.lenslets.len(), 2), |(n, k)| {

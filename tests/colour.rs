@@ -109,7 +109,7 @@ fn an_illum_capture_needs_nothing_but_itself() {
         "--json",
     ]);
     assert_eq!((&made["white_inside"], &made["whites"]), (&true.into(), &0.into()));
-    let capture = container::open(&dir.path().join("sim/capture.lfr"), None).unwrap();
+    let capture = container::open_capture(&dir.path().join("sim/capture.lfr"), None).unwrap();
     assert_eq!((capture.mosaic.width, capture.mosaic.height), (440, 360));
     assert_eq!((capture.cfa, capture.levels.white), (container::Cfa::Grbg, [1023.0; 4]));
     assert_eq!(capture.camera.model.as_deref(), Some("ILLUM"));

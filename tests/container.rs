@@ -12,7 +12,7 @@ use assert_cmd::Command;
 use fixtures::{container, f01_capture, shared};
 use lenslet_core::container::packing::{Packing, pack};
 use lenslet_core::container::segments::sha1_of;
-use lenslet_core::container::{Capture, MlaHint, RawMosaic, open, write_lfp};
+use lenslet_core::container::{Capture, MlaHint, RawMosaic, open_capture, write_lfp};
 use serde_json::{Value, json};
 
 fn lenslet(args: &[&str]) -> Output {
@@ -139,9 +139,9 @@ fn extracted_raw_images_are_captures_again() {
     assert!(run.status.success());
     let json: Value = serde_json::from_slice(&run.stdout).unwrap();
     assert!(json["files"].as_array().unwrap().iter().all(|f| f["intact"] == true));
-    let image = open(&out.join("image.raw"), None).unwrap();
+    let image = open_capture(&out.join("image.raw"), None).unwrap();
     assert_eq!((&image.mosaic, &image.levels, &image.mla), (&original.mosaic, &original.levels, &original.mla));
-    assert_eq!(open(&out.join("white.raw"), None).unwrap().mosaic, white.mosaic);
+    assert_eq!(open_capture(&out.join("white.raw"), None).unwrap().mosaic, white.mosaic);
     let index: Value = serde_json::from_slice(&fs::read(out.join("index.json")).unwrap()).unwrap();
     assert_eq!(index["files"].as_array().unwrap().len(), 6);
 

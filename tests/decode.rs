@@ -241,7 +241,7 @@ fn wrong_usage_is_exit_code_two_and_failures_are_one_line() {
 fn mosaics_in_pictures_and_raw_files_decode_like_the_container() {
     let dir = tempfile::tempdir().unwrap();
     let (lfp, calib) = camera(dir.path());
-    let capture = container::open(&lfp, None).unwrap();
+    let capture = container::open_capture(&lfp, None).unwrap();
     let decoded = |path: &Path, more: &[&str]| {
         let out = PathBuf::from(format!("{}.npy", path.display()));
         let mut words = vec![path, Path::new("--calibration"), &calib, Path::new("--out"), &out];

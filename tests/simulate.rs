@@ -173,7 +173,7 @@ fn the_command_writes_everything_and_the_same_on_any_number_of_threads() {
     let camera = Camera::with_sensor(200);
     let scene = Scene::named(Kind::Planes, &camera, None, 7, &Silent).unwrap();
     let simulation = simulate::render(&scene, &camera, &Options { seed: 7, ..Options::default() }, &Silent).unwrap();
-    let capture = container::open(&dir.path().join("one/capture.lfp"), None).unwrap();
+    let capture = container::open_capture(&dir.path().join("one/capture.lfp"), None).unwrap();
     assert_eq!(capture.mosaic, simulation.capture.mosaic);
     assert_eq!(capture.colour.white_balance, simulation.capture.colour.white_balance);
     assert!(capture.warnings.is_empty(), "{:?}", capture.warnings);

@@ -9,6 +9,7 @@ pub mod calibration;
 pub mod container;
 pub mod decode;
 pub mod dictionary;
+pub mod digest;
 pub mod interpolation;
 pub mod lightfield;
 pub mod linalg;

@@ -13,7 +13,7 @@ use fixtures::shared;
 use lenslet_core::container::packing::{Packing, pack};
 use lenslet_core::container::segments::Container;
 use lenslet_core::container::{
-    self, CameraFacts, Capture, Cfa, ColourFacts, Error, Levels, MlaHint, RawMosaic, open, write_lfp,
+    self, CameraFacts, Capture, Cfa, ColourFacts, Error, Levels, MlaHint, RawMosaic, open_capture, write_lfp,
 };
 
 /// A small capture with every fact filled in.
@@ -68,7 +68,7 @@ fn a_written_container_is_read_the_same() {
         let path = dir.path().join(format!("{white}.lfp"));
         let capture = sample(white);
         write_lfp(&path, &capture, false).unwrap();
-        assert!(bare(open(&path, None).unwrap()) == capture);
+        assert!(bare(open_capture(&path, None).unwrap()) == capture);
         assert!(write_lfp(&path, &capture, false).is_err(), "existing file");
         write_lfp(&path, &capture, true).unwrap();
     }
@@ -85,7 +85,7 @@ fn a_container_carries_its_white_image() {
     white.camera.white_ref = None;
     capture.white = Some(Box::new(white));
     write_lfp(&path, &capture, false).unwrap();
-    let read = bare(open(&path, None).unwrap());
+    let read = bare(open_capture(&path, None).unwrap());
     assert_eq!(read.warnings, Vec::<String>::new());
     assert!(read == capture);
 }
@@ -111,11 +111,11 @@ fn raw_files_take_their_facts_from_the_text_beside_them() {
     let metadata = container.payload(&container.segments[1]).unwrap();
     let raw = dir.path().join("MOD_0002.RAW");
     fs::write(&raw, pack(Packing::Be12, &capture.mosaic.data).unwrap()).unwrap();
-    assert!(matches!(open(&raw, None), Err(Error::NotRecognised { .. })));
+    assert!(matches!(open_capture(&raw, None), Err(Error::NotRecognised { .. })));
     for name in ["MOD_0002.TXT", "MOD_0002.json"] {
         let text = dir.path().join(name);
         fs::write(&text, [&metadata[..], b"\0\0 trailing"].concat()).unwrap();
-        let read = open(&raw, None).unwrap();
+        let read = open_capture(&raw, None).unwrap();
         assert_eq!(read.mosaic, capture.mosaic);
         assert_eq!(read.levels, capture.levels);
         assert_eq!(read.camera.zoom_step, Some(-981));
@@ -133,12 +133,12 @@ fn raw_files_of_a_known_size_need_no_text() {
     let path = dir.path().join("x.raw");
     let mosaic = f01(|i| (i % 4096) as u16);
     fs::write(&path, pack(Packing::Be12, &mosaic.data).unwrap()).unwrap();
-    let capture = open(&path, None).unwrap();
+    let capture = open_capture(&path, None).unwrap();
     assert_eq!(capture.mosaic, mosaic);
     assert_eq!(capture.cfa, Cfa::Bggr);
     assert_eq!(capture.levels.black, [168.0; 4]);
     assert!(capture.warnings.iter().any(|w| w.contains("lytro-f01")), "{:?}", capture.warnings);
-    assert!(open(&path, Some("lytro-illum")).unwrap_err().to_string().contains("need"));
+    assert!(open_capture(&path, Some("lytro-illum")).unwrap_err().to_string().contains("need"));
 }
 
 fn save(path: &Path, mosaic: &RawMosaic, eight: bool) {
@@ -158,30 +158,30 @@ fn pictures_of_mosaics_get_levels_that_fit_their_values() {
     for name in ["a.png", "a.tif", "a.pgm"] {
         let path = dir.path().join(name);
         save(&path, &twelve, false);
-        let capture = open(&path, None).unwrap();
+        let capture = open_capture(&path, None).unwrap();
         assert_eq!(capture.mosaic, twelve, "{name}");
         assert_eq!(capture.levels, Levels { black: [168.0; 4], white: [4095.0; 4] });
         assert_eq!(capture.cfa, Cfa::Bggr);
         assert_eq!(capture.mla, None, "a size alone does not tell the lenslets");
-        assert!(open(&path, Some("lytro-f01")).unwrap().mla.is_some());
+        assert!(open_capture(&path, Some("lytro-f01")).unwrap().mla.is_some());
     }
     let sixteen = f01(|i| (i % 4096 * 16) as u16);
     let path = dir.path().join("b.png");
     save(&path, &sixteen, false);
-    let capture = open(&path, None).unwrap();
+    let capture = open_capture(&path, None).unwrap();
     near(capture.levels.black[0], 168.0 * 65535.0 / 4095.0);
     near(capture.levels.white[0], 65535.0);
     let eight = f01(|i| (i % 256) as u16);
     let path = dir.path().join("c.png");
     save(&path, &eight, true);
-    let capture = open(&path, None).unwrap();
+    let capture = open_capture(&path, None).unwrap();
     assert_eq!(capture.mosaic, eight);
     near(capture.levels.black[3], 168.0 * 255.0 / 4095.0);
     near(capture.levels.white[3], 255.0);
     assert!(capture.warnings.iter().any(|w| w.contains("8-bit")));
     let path = dir.path().join("c.jpg");
     save(&path, &eight, true);
-    near(open(&path, None).unwrap().levels.black[3], 10.46);
+    near(open_capture(&path, None).unwrap().levels.black[3], 10.46);
 }
 
 #[test]
@@ -189,12 +189,12 @@ fn a_photo_is_no_mosaic() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("photo.jpg");
     image::RgbImage::from_fn(128, 96, |x, y| image::Rgb([x as u8, y as u8, 99])).save(&path).unwrap();
-    let error = open(&path, None).unwrap_err();
+    let error = open_capture(&path, None).unwrap_err();
     assert!(matches!(error, Error::Unsupported { .. }));
     assert!(error.to_string().contains("photo.jpg") && error.to_string().contains("colour"));
     let path = dir.path().join("grey.png");
     image::RgbImage::from_fn(128, 96, |x, _| image::Rgb([x as u8; 3])).save(&path).unwrap();
-    let capture = open(&path, None).unwrap();
+    let capture = open_capture(&path, None).unwrap();
     assert_eq!((capture.mosaic.width, capture.mosaic.data[5]), (128, 5));
     assert!(capture.warnings.iter().any(|w| w.contains("fit no known camera")));
 }
@@ -222,10 +222,10 @@ fn wrong_files_are_refused_by_name() {
         (dir.path().join("absent.lfp"), "cannot read"),
         (dir.path().to_path_buf(), "folder"),
     ] {
-        let error = open(&path, None).unwrap_err().to_string();
+        let error = open_capture(&path, None).unwrap_err().to_string();
         assert!(error.contains(word) && error.contains(path.to_str().unwrap()) && !error.contains('\n'), "{error}");
     }
-    assert!(matches!(open(&dir.path().join("full.lfp"), Some("nikon")), Err(Error::Parameter(_))));
+    assert!(matches!(open_capture(&dir.path().join("full.lfp"), Some("nikon")), Err(Error::Parameter(_))));
 }
 
 #[test]
@@ -238,12 +238,12 @@ fn damage_is_a_warning_and_an_absent_image_an_error() {
     let mut bytes = fs::read(&path).unwrap();
     bytes[image.offset as usize + 96 + 10] ^= 0x10;
     fs::write(&path, &bytes).unwrap();
-    let warnings = open(&path, None).unwrap().warnings;
+    let warnings = open_capture(&path, None).unwrap().warnings;
     assert!(warnings.len() == 1 && warnings[0].contains("damaged"), "{warnings:?}");
     bytes[image.offset as usize + 30] = b'0';
     bytes[image.offset as usize + 31] = b'0';
     fs::write(&path, &bytes).unwrap();
-    let error = open(&path, None).unwrap_err();
+    let error = open_capture(&path, None).unwrap_err();
     assert!(matches!(&error, Error::Missing { what, .. } if what == "imageRef"), "{error}");
 }
 
@@ -260,7 +260,7 @@ fn every_real_container_is_read_with_its_checksums() {
         }
         container.contents().unwrap();
         // None of them holds the raw image it names.
-        assert!(matches!(open(&path, None), Err(Error::Missing { .. })));
+        assert!(matches!(open_capture(&path, None), Err(Error::Missing { .. })));
         seen += container.segments.len();
     }
     assert!(seen >= 3 + 13 + 4, "{seen}");
@@ -271,7 +271,7 @@ fn real_metadata_gives_typed_facts() {
     let Some(dir) = shared("metadata") else { return };
     let read = |name: &str| {
         let value = container::json::parse(&fs::read(dir.join(name)).unwrap()).unwrap();
-        let (frame, warnings) = container::metadata::frame(&value, None);
+        let (frame, warnings) = container::metadata::read_frame(&value, None);
         assert_eq!(warnings, Vec::<String>::new(), "{name}");
         frame
     };
@@ -305,7 +305,7 @@ fn real_metadata_gives_typed_facts() {
 #[test]
 fn real_mosaics_are_read() {
     let Some(dir) = shared("f01") else { return };
-    let capture = open(&dir.join("IMG_4.jpg"), None).unwrap();
+    let capture = open_capture(&dir.join("IMG_4.jpg"), None).unwrap();
     assert_eq!((capture.mosaic.width, capture.mosaic.height), (3280, 3280));
     let mut values = capture.mosaic.data.clone();
     values.sort_unstable();
@@ -315,5 +315,5 @@ fn real_mosaics_are_read() {
         "darkest values {dark}, black {}",
         capture.levels.black[0]
     );
-    assert!(open(&dir.join("image_cords.mat"), None).is_err());
+    assert!(open_capture(&dir.join("image_cords.mat"), None).is_err());
 }

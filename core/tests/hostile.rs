@@ -14,7 +14,7 @@ use common::files::{
 use common::torment;
 use lenslet_core::calibration;
 use lenslet_core::container::segments::{Container, MAGIC, sha1_of};
-use lenslet_core::container::{self, extract, json, members, metadata, open, profile, whites};
+use lenslet_core::container::{self, CameraProfile, extract, json, members, metadata, open_capture, whites};
 use lenslet_core::decode::npz;
 use lenslet_core::dictionary;
 use lenslet_core::lightfield::{self, ColourSpace, Format, Meta, ReadOptions};
@@ -30,7 +30,7 @@ fn containers() {
         let slot = Slot::new("a.lfp");
         let mut good = 0;
         torment(&container_bytes(white), seed, COUNT, |bytes| {
-            match open(slot.put(bytes), None) {
+            match open_capture(slot.put(bytes), None) {
                 Ok(c) => {
                     check(&c);
                     good += 1;
@@ -85,9 +85,9 @@ fn calibration_bundles_and_archives() {
     for (seed, name, bytes) in [(4, "caldata.tar", archive), (5, "data.C.0", bundle)] {
         let slot = Slot::new(name);
         let mut found = 0;
-        torment(&bytes, seed, COUNT / 2, |bytes| match whites::list(slot.put(bytes)) {
+        torment(&bytes, seed, COUNT / 2, |bytes| match whites::list_calibration_images(slot.put(bytes)) {
             Ok(list) => {
-                for c in &list.candidates {
+                for c in &list.images {
                     assert!(c.mean.is_finite());
                     match c.load() {
                         Ok(white) => check(&white),
@@ -95,7 +95,7 @@ fn calibration_bundles_and_archives() {
                     }
                     found += 1;
                 }
-                let choice = whites::choose(&slot.path, list, &capture());
+                let choice = whites::choose_white_image(&slot.path, list, &capture());
                 assert!(!choice.lines().is_empty());
                 members::members(&slot.path).unwrap();
             }
@@ -112,7 +112,7 @@ fn metadata_and_profiles() {
     let private = json::parse(&private).unwrap();
     torment(&metadata, 6, COUNT, |bytes| match json::parse(bytes) {
         Ok(value) => {
-            let (f, _) = metadata::frame(&value, Some(&private));
+            let (f, _) = metadata::read_frame(&value, Some(&private));
             assert!(f.levels.is_none_or(|l| l.black[0] < l.white[0]));
             assert!(f.white_balance.is_none_or(|g| g.iter().all(|g| *g > 0.0)));
             assert!(f.size.is_none_or(|(w, h)| w * h <= 1 << 30));
@@ -120,7 +120,7 @@ fn metadata_and_profiles() {
         Err(e) => line(e),
     });
     torment(include_bytes!("../profiles/lytro-f01.toml"), 7, COUNT, |bytes| {
-        match std::str::from_utf8(bytes).map(profile::parse) {
+        match std::str::from_utf8(bytes).map(CameraProfile::from_toml) {
             Ok(Ok(p)) => assert!(p.raw_bytes().is_some() && p.colour().white_balance[0] > 0.0),
             Ok(Err(e)) => line(e),
             Err(_) => {}
@@ -128,9 +128,9 @@ fn metadata_and_profiles() {
     });
     // Many keys, deep nesting, long text.
     let many = format!("{{{}}}", (0..200_000).map(|k| format!("\"{k}\":[]")).collect::<Vec<_>>().join(","));
-    metadata::frame(&json::parse(many.as_bytes()).unwrap(), None);
+    metadata::read_frame(&json::parse(many.as_bytes()).unwrap(), None);
     let many = format!("{{\"a\":[{}0]}}", "0,".repeat((8 << 20) / 2 - 10));
-    metadata::frame(&json::parse(many.as_bytes()).unwrap(), None);
+    metadata::read_frame(&json::parse(many.as_bytes()).unwrap(), None);
     for deep in ["[", "{\"a\":", "[{\"a\":"] {
         assert!(json::parse(deep.repeat(1_000_000).as_bytes()).is_err());
     }
@@ -145,13 +145,13 @@ fn raw_files_with_text() {
     let text = slot.dir.path().join("a.txt");
     torment(&metadata, 8, COUNT / 2, |bytes| {
         fs::write(&text, bytes).unwrap();
-        match open(&slot.path, None) {
+        match open_capture(&slot.path, None) {
             Ok(c) => check(&c),
             Err(e) => line(e),
         }
     });
     fs::write(&text, &metadata).unwrap();
-    torment(&image, 9, COUNT / 2, |bytes| match open(slot.put(bytes), None) {
+    torment(&image, 9, COUNT / 2, |bytes| match open_capture(slot.put(bytes), None) {
         Ok(c) => check(&c),
         Err(e) => line(e),
     });
@@ -171,7 +171,7 @@ fn pictures() {
         }
         let bytes = fs::read(&made).unwrap();
         let slot = Slot::new(&format!("a.{extension}"));
-        torment(&bytes, 10 + k as u64, COUNT, |bytes| match open(slot.put(bytes), None) {
+        torment(&bytes, 10 + k as u64, COUNT, |bytes| match open_capture(slot.put(bytes), None) {
             Ok(c) => check(&c),
             Err(e) => line(e),
         });
@@ -203,10 +203,10 @@ fn pictures_that_claim_to_be_huge() {
         png_chunk(&mut bytes, b"IHDR", &head);
         png_chunk(&mut bytes, b"IDAT", &[0x78, 0x9c, 0x03, 0, 0, 0, 0, 1]);
         png_chunk(&mut bytes, b"IEND", &[]);
-        line(open(slot.put(&bytes), None).unwrap_err());
+        line(open_capture(slot.put(&bytes), None).unwrap_err());
     }
     for text in ["P5 4294967295 4294967295 65535\n", "P5 30000 30000 65535\n", "P5 99999999999999999999 1 255\n"] {
-        line(open(slot.put(text.as_bytes()), None).unwrap_err());
+        line(open_capture(slot.put(text.as_bytes()), None).unwrap_err());
     }
     bounded();
 }
@@ -328,10 +328,10 @@ fn every_kind_of_file_is_refused_by_every_other_reader() {
         [&b""[..], b"text", &container_bytes(false), &calibration_file, &[0; 4096], &[0xff; 4096], &tar(&[("a", b"b")])]
     {
         let path = slot.put(bytes);
-        assert!(open(path, Some("lytro-f01")).is_err() || bytes.starts_with(&MAGIC));
+        assert!(open_capture(path, Some("lytro-f01")).is_err() || bytes.starts_with(&MAGIC));
         assert!(calibration::load(path).is_err() || bytes.starts_with(b"LENSCAL"));
         assert!(npz::load(path).is_err());
         assert!(lightfield::load(path, &ReadOptions::default()).is_err());
-        assert!(container::profile(path.to_str().unwrap()).is_err());
+        assert!(container::CameraProfile::find(path.to_str().unwrap()).is_err());
     }
 }

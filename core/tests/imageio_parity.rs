@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
 
-use lenslet_core::container::{open, profile};
+use lenslet_core::container::{CameraProfile, open_capture};
 use sha2::{Digest, Sha256};
 
 #[test]
@@ -12,11 +12,11 @@ fn raw_pixels_are_those_of_imageio() {
     let dir = tempfile::tempdir().unwrap();
     for name in ["lytro-f01", "lytro-illum"] {
         let expected = &fixture[name];
-        let length = profile(name).unwrap().raw_bytes().unwrap() as u64;
+        let length = CameraProfile::find(name).unwrap().raw_bytes().unwrap() as u64;
         let bytes: Vec<u8> = (0..length).map(|i| ((i * 2_654_435_761) >> 13 ^ (i * 40503) >> 3) as u8).collect();
         let path = dir.path().join("x.raw");
         std::fs::write(&path, bytes).unwrap();
-        let mosaic = open(&path, None).unwrap().mosaic;
+        let mosaic = open_capture(&path, None).unwrap().mosaic;
         assert_eq!(
             (mosaic.width as u64, mosaic.height as u64),
             (expected["width"].as_u64().unwrap(), expected["height"].as_u64().unwrap())

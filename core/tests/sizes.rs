@@ -12,7 +12,7 @@ use common::files::{
     Slot, bounded, calibration_of, check, container_of, dictionary_header, line, parts_of, small_calibration,
     small_dictionary, small_samples, tar, without_checksum,
 };
-use lenslet_core::container::{json, metadata, open, profile, whites};
+use lenslet_core::container::{CameraProfile, json, metadata, open_capture, whites};
 use lenslet_core::decode::npz;
 use lenslet_core::lightfield::{self, ColourSpace, Format, Meta, ReadOptions};
 use lenslet_core::{calibration, dictionary};
@@ -57,7 +57,7 @@ fn reader<T, E: std::fmt::Display>(
 }
 
 fn captured(slot: &Slot, bytes: &[u8]) -> Result<(), lenslet_core::container::Error> {
-    open(slot.put(bytes), None).map(|c| check(&c))
+    open_capture(slot.put(bytes), None).map(|c| check(&c))
 }
 
 fn fields(name: &'static str, file: &str, format: Format, side: usize) -> Reader {
@@ -88,11 +88,11 @@ fn readers(side: usize) -> Vec<Reader> {
     let mut all = Vec::new();
     let s = Slot::new("a.lfp");
     all.push(reader("container", container_of(side, true), move |b| captured(&s, b)));
-    all.push(reader("metadata", text.clone(), |b| json::parse(b).map(|value| metadata::frame(&value, None))));
+    all.push(reader("metadata", text.clone(), |b| json::parse(b).map(|value| metadata::read_frame(&value, None))));
     let profile_text = include_bytes!("../profiles/lytro-f01.toml");
     all.push(reader("profile", profile_text.to_vec(), |b| {
         let text = std::str::from_utf8(b).map_err(|e| e.to_string())?;
-        profile::parse(text).map(|p| assert!(p.raw_bytes().is_some())).map_err(|e| e.to_string())
+        CameraProfile::from_toml(text).map(|p| assert!(p.raw_bytes().is_some())).map_err(|e| e.to_string())
     }));
     for (name, of_text) in [("raw", false), ("text beside a raw", true)] {
         let s = Slot::new("a.raw");
@@ -102,7 +102,7 @@ fn readers(side: usize) -> Vec<Reader> {
         all.push(reader(name, if of_text { text.clone() } else { image.clone() }, move |b| {
             let whole = &s; // or its folder would not be kept
             fs::write(if of_text { &beside } else { &whole.path }, b).unwrap();
-            open(&whole.path, None).map(|c| check(&c))
+            open_capture(&whole.path, None).map(|c| check(&c))
         }));
     }
     for (name, file) in [("mosaic .png", "a.png"), ("mosaic .tif", "a.tif"), ("mosaic .pgm", "a.pgm")] {
@@ -118,8 +118,8 @@ fn readers(side: usize) -> Vec<Reader> {
     let archive = tar(&[("MOD_0002.RAW", &image), ("MOD_0002.TXT", &text), ("cal_file_manifest.json", manifest)]);
     let s = Slot::new("caldata.tar");
     all.push(reader("archive of white images", archive, move |b| {
-        whites::list(s.put(b)).map(|list| {
-            for c in list.candidates {
+        whites::list_calibration_images(s.put(b)).map(|list| {
+            for c in list.images {
                 c.load().map_or_else(line, |white| check(&white));
             }
         })

@@ -11,7 +11,7 @@ use std::path::Path;
 use fixtures::{container, f01_capture};
 use lenslet_core::container::packing::{Packing, pack};
 use lenslet_core::container::segments::sha1_of;
-use lenslet_core::container::{Capture, Error, open, whites, write_lfp};
+use lenslet_core::container::{Capture, Error, open_capture, whites, write_lfp};
 use serde_json::{Value, json};
 
 const SIDE: usize = 64;
@@ -59,7 +59,7 @@ fn capture(serial: Option<&str>, zoom: Option<i64>, focus: Option<i64>) -> Captu
     f01_capture(SIDE, SIDE, vec![700; SIDE * SIDE], serial, zoom, focus)
 }
 
-fn stem(choice: &whites::Choice) -> String {
+fn stem(choice: &whites::WhiteChoice) -> String {
     choice.chosen.as_ref().unwrap().member.stem_and_extension().0
 }
 
@@ -73,7 +73,7 @@ fn nearest_zoom_then_focus_of_the_same_camera() {
         ("A1", 690, 300, "MOD_0005", "nearest zoom step (10"),
         ("B2", 500, 300, "MOD_0007", "same serial number"),
     ] {
-        let choice = whites::find(dir.path(), &capture(Some(serial), Some(zoom), Some(focus))).unwrap();
+        let choice = whites::find_white_image(dir.path(), &capture(Some(serial), Some(zoom), Some(focus))).unwrap();
         assert_eq!(stem(&choice), expected);
         assert!(choice.reason.contains(words), "{}", choice.reason);
         assert_eq!(choice.passed.len(), ENTRIES.len() - 1);
@@ -81,7 +81,7 @@ fn nearest_zoom_then_focus_of_the_same_camera() {
         assert_eq!(white.camera.serial.as_deref(), Some(serial));
         assert_eq!(white.mosaic.width, SIDE);
     }
-    let choice = whites::find(dir.path(), &capture(Some("A1"), Some(500), Some(300))).unwrap();
+    let choice = whites::find_white_image(dir.path(), &capture(Some("A1"), Some(500), Some(300))).unwrap();
     let why =
         |stem: &str| choice.passed.iter().find(|(c, _)| c.member.stem_and_extension().0 == stem).unwrap().1.clone();
     assert!(why("MOD_0000").contains("black"));
@@ -91,8 +91,8 @@ fn nearest_zoom_then_focus_of_the_same_camera() {
     assert!(why("MOD_0006").contains("too dark"));
     assert!(why("MOD_0007").contains("another camera, B2"));
     assert_eq!(choice.lines().len(), ENTRIES.len());
-    let list = whites::list(dir.path()).unwrap();
-    let blacks = whites::blacks(&list, &capture(Some("A1"), None, None).camera);
+    let list = whites::list_calibration_images(dir.path()).unwrap();
+    let blacks = whites::black_images(&list, &capture(Some("A1"), None, None).camera);
     assert_eq!(blacks.len(), 2);
 }
 
@@ -106,11 +106,11 @@ fn a_reference_goes_first_unless_it_leads_to_a_black_image() {
     fs::write(dir.path().join("cal_file_manifest.json"), manifest.to_string()).unwrap();
     let mut wanted = capture(Some("A1"), Some(500), Some(300));
     wanted.camera.white_ref = Some(hash('5'));
-    let choice = whites::find(dir.path(), &wanted).unwrap();
+    let choice = whites::find_white_image(dir.path(), &wanted).unwrap();
     assert_eq!(stem(&choice), "MOD_0005");
     assert!(choice.reason.contains("sha1"));
     wanted.camera.white_ref = Some(hash('1'));
-    let choice = whites::find(dir.path(), &wanted).unwrap();
+    let choice = whites::find_white_image(dir.path(), &wanted).unwrap();
     assert_eq!(stem(&choice), "MOD_0002");
 }
 
@@ -118,10 +118,10 @@ fn a_reference_goes_first_unless_it_leads_to_a_black_image() {
 fn nothing_found_says_what_was_looked_for_and_what_was_there() {
     let dir = tempfile::tempdir().unwrap();
     let wanted = capture(Some("C3"), Some(500), None);
-    let error = whites::find(dir.path(), &wanted).unwrap().load().unwrap_err().to_string();
+    let error = whites::find_white_image(dir.path(), &wanted).unwrap().load().unwrap_err().to_string();
     assert!(error.contains("serial C3, zoom 500, focus unknown") && error.contains("no .RAW images"), "{error}");
     fill(dir.path(), &ENTRIES);
-    let choice = whites::find(dir.path(), &wanted).unwrap();
+    let choice = whites::find_white_image(dir.path(), &wanted).unwrap();
     assert!(choice.chosen.is_none());
     let error = choice.load().unwrap_err().to_string();
     for words in
@@ -129,7 +129,7 @@ fn nothing_found_says_what_was_looked_for_and_what_was_there() {
     {
         assert!(error.contains(words), "{error}");
     }
-    assert!(whites::find(&dir.path().join("absent"), &wanted).is_err());
+    assert!(whites::find_white_image(&dir.path().join("absent"), &wanted).is_err());
 }
 
 fn volume(entries: &[Entry], next: Option<&str>) -> Vec<u8> {
@@ -157,23 +157,23 @@ fn bundles_of_several_volumes_are_searched() {
     fs::write(dir.path().join("data.C.0"), volume(&ENTRIES[..4], Some("data.C.1"))).unwrap();
     fs::write(dir.path().join("data.C.1"), volume(&ENTRIES[4..], Some("data.C.0"))).unwrap();
     for place in [dir.path().to_path_buf(), dir.path().join("data.C.0")] {
-        let list = whites::list(&place).unwrap();
+        let list = whites::list_calibration_images(&place).unwrap();
         assert_eq!(list.warnings, Vec::<String>::new());
-        assert_eq!(list.candidates.len(), ENTRIES.len());
-        let choice = whites::find(&place, &capture(Some("A1"), Some(700), Some(390))).unwrap();
+        assert_eq!(list.images.len(), ENTRIES.len());
+        let choice = whites::find_white_image(&place, &capture(Some("A1"), Some(700), Some(390))).unwrap();
         assert_eq!(stem(&choice), "MOD_0005");
         assert!(choice.load().unwrap().warnings.is_empty());
     }
-    assert!(matches!(open(&dir.path().join("data.C.0"), None), Err(Error::Unsupported { .. })));
+    assert!(matches!(open_capture(&dir.path().join("data.C.0"), None), Err(Error::Unsupported { .. })));
     // By the sha1 of the pixels themselves.
     let mut wanted = capture(None, None, None);
     wanted.camera.white_ref = Some(sha1_of(&image(1700)));
-    assert_eq!(stem(&whites::find(dir.path(), &wanted).unwrap()), "MOD_0004");
+    assert_eq!(stem(&whites::find_white_image(dir.path(), &wanted).unwrap()), "MOD_0004");
     // A volume that is absent, and one that points elsewhere.
     fs::remove_file(dir.path().join("data.C.1")).unwrap();
-    assert!(whites::list(dir.path()).unwrap().warnings[0].contains("data.C.1"));
+    assert!(whites::list_calibration_images(dir.path()).unwrap().warnings[0].contains("data.C.1"));
     fs::write(dir.path().join("data.C.0"), volume(&ENTRIES[..4], Some("../data.C.1"))).unwrap();
-    assert!(whites::list(dir.path()).unwrap().warnings[0].contains("plain file name"));
+    assert!(whites::list_calibration_images(dir.path()).unwrap().warnings[0].contains("plain file name"));
 }
 
 #[test]
@@ -199,13 +199,13 @@ fn archives_are_searched() {
     tar.extend([0; 1024]);
     let path = dir.path().join("caldata-A1.tar");
     fs::write(&path, &tar).unwrap();
-    let choice = whites::find(&path, &capture(Some("B2"), None, None)).unwrap();
+    let choice = whites::find_white_image(&path, &capture(Some("B2"), None, None)).unwrap();
     assert_eq!(stem(&choice), "MOD_0007");
     choice.load().unwrap();
     fs::write(&path, &tar[..9000]).unwrap();
-    assert!(whites::list(&path).unwrap_err().to_string().contains("cut off"));
+    assert!(whites::list_calibration_images(&path).unwrap_err().to_string().contains("cut off"));
     // Within a folder a damaged archive is a warning.
-    assert!(whites::list(dir.path()).unwrap().warnings[0].contains("cut off"));
+    assert!(whites::list_calibration_images(dir.path()).unwrap().warnings[0].contains("cut off"));
 }
 
 #[test]
@@ -217,9 +217,9 @@ fn containers_of_white_images_are_found_and_the_capture_beside_them_is_not() {
     white.camera.normalized_response = Some([0.8, 1.0, 1.0, 0.7]);
     write_lfp(&dir.path().join("other.lfp"), &white, false).unwrap();
     write_lfp(&dir.path().join("capture.lfp"), &capture(Some("A1"), Some(1), Some(2)), false).unwrap();
-    let list = whites::list(dir.path()).unwrap();
+    let list = whites::list_calibration_images(dir.path()).unwrap();
     assert_eq!(list.warnings, Vec::<String>::new());
-    assert_eq!(list.candidates.len(), 2);
-    let choice = whites::find(dir.path(), &capture(Some("A1"), Some(1), Some(2))).unwrap();
+    assert_eq!(list.images.len(), 2);
+    let choice = whites::find_white_image(dir.path(), &capture(Some("A1"), Some(1), Some(2))).unwrap();
     assert_eq!(choice.load().unwrap().mosaic, white.mosaic);
 }

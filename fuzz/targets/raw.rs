@@ -1,5 +1,5 @@
 #![no_main]
-use lenslet_core::container::open;
+use lenslet_core::container::Capture;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|data: &[u8]| {
@@ -7,7 +7,7 @@ fuzz_target!(|data: &[u8]| {
     let text = lenslet_fuzz::put(data, "txt");
     let raw = text.with_extension("raw");
     std::fs::write(&raw, [0x5a; 384]).expect("the raw");
-    if let Ok(capture) = open(&raw, None) {
+    if let Ok(capture) = Capture::open(&raw) {
         assert_eq!(capture.mosaic.data.len(), capture.mosaic.width * capture.mosaic.height);
     }
 });

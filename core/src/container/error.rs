@@ -3,6 +3,8 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use crate::progress::Interrupted;
+
 /// Every message names the file, what is wrong, and where it helps what to do.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -67,8 +69,8 @@ pub enum Error {
     #[error("{0}")]
     Parameter(String),
     /// The caller asked to stop.
-    #[error("interrupted")]
-    Interrupted,
+    #[error(transparent)]
+    Interrupted(#[from] Interrupted),
     /// A result could not be put in place.
     #[error(transparent)]
     Output(#[from] crate::output::Error),

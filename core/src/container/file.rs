@@ -1,10 +1,10 @@
-//! Reading files whose size nobody can be trusted on: regular files only, at most so many bytes.
+//! Reads of untrusted files: regular files only, bounded in size.
 
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use super::Error;
+use super::error::Error;
 
 /// Opens a regular file (never a pipe or device, whose reading may not end) and says how long it is.
 pub(super) fn open(path: &Path) -> Result<(File, u64), Error> {
@@ -18,7 +18,7 @@ pub(super) fn open(path: &Path) -> Result<(File, u64), Error> {
     Ok((File::open(path).map_err(Error::io(path))?, meta.len()))
 }
 
-/// Reads the whole file.
+/// Reads the whole file, `what` in messages; longer than `limit` bytes is an error.
 pub(super) fn read(path: &Path, what: &str, limit: u64) -> Result<Vec<u8>, Error> {
     let (file, length) = open(path)?;
     let mut bytes = Vec::with_capacity(length.min(limit) as usize);

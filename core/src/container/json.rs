@@ -20,13 +20,13 @@ pub fn parse(bytes: &[u8]) -> Result<Value, String> {
 }
 
 /// Whether `bytes` look like the start of a JSON object.
-pub fn looks_like(bytes: &[u8]) -> bool {
+pub fn looks_like_object(bytes: &[u8]) -> bool {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     bytes.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'{')
 }
 
 /// The value at a dotted path such as `picture.frameArray.0.frame`; numbers index arrays.
-pub fn at<'a>(value: &'a Value, path: &str) -> Option<&'a Value> {
+pub fn value_at<'a>(value: &'a Value, path: &str) -> Option<&'a Value> {
     path.split('.').try_fold(value, |v, key| match v {
         Value::Array(a) => a.get(key.parse::<usize>().ok()?),
         _ => v.get(key),
@@ -34,19 +34,19 @@ pub fn at<'a>(value: &'a Value, path: &str) -> Option<&'a Value> {
 }
 
 /// The finite number at `path`.
-pub fn number(value: &Value, path: &str) -> Option<f64> {
-    at(value, path)?.as_f64().filter(|x| x.is_finite())
+pub fn number_at(value: &Value, path: &str) -> Option<f64> {
+    value_at(value, path)?.as_f64().filter(|x| x.is_finite())
 }
 
 /// The whole number at `path` (a number with a zero fraction counts).
-pub fn integer(value: &Value, path: &str) -> Option<i64> {
-    let v = at(value, path)?;
+pub fn integer_at(value: &Value, path: &str) -> Option<i64> {
+    let v = value_at(value, path)?;
     v.as_i64().or_else(|| v.as_f64().filter(|x| x.fract() == 0.0 && x.abs() < 9e15).map(|x| x as i64))
 }
 
 /// The text at `path`.
-pub fn text(value: &Value, path: &str) -> Option<String> {
-    Some(at(value, path)?.as_str()?.to_string())
+pub fn text_at(value: &Value, path: &str) -> Option<String> {
+    Some(value_at(value, path)?.as_str()?.to_string())
 }
 
 #[cfg(test)]
@@ -55,7 +55,7 @@ mod tests {
 
     #[test]
     fn tolerates_trailing_bytes_and_refuses_depth() {
-        assert_eq!(number(&parse(b"{\"a\":[1.5e-006]}\0\0garbage").unwrap(), "a.0"), Some(1.5e-6));
+        assert_eq!(number_at(&parse(b"{\"a\":[1.5e-006]}\0\0garbage").unwrap(), "a.0"), Some(1.5e-6));
         let deep = [b"[".repeat(100_000), b"]".repeat(100_000)].concat();
         assert!(parse(&deep).unwrap_err().contains("recursion"));
         assert!(parse(b"{\"a\": NaN}").is_err());
@@ -66,9 +66,9 @@ mod tests {
     #[test]
     fn paths() {
         let v = parse(br#"{"f":[{"g":{"n":3.0,"s":"x"}}],"big":1e300}"#).unwrap();
-        assert_eq!(integer(&v, "f.0.g.n"), Some(3));
-        assert_eq!(text(&v, "f.0.g.s").as_deref(), Some("x"));
-        assert_eq!(integer(&v, "big"), None);
-        assert!(at(&v, "f.1.g").is_none() && at(&v, "f.x").is_none());
+        assert_eq!(integer_at(&v, "f.0.g.n"), Some(3));
+        assert_eq!(text_at(&v, "f.0.g.s").as_deref(), Some("x"));
+        assert_eq!(integer_at(&v, "big"), None);
+        assert!(value_at(&v, "f.1.g").is_none() && value_at(&v, "f.x").is_none());
     }
 }

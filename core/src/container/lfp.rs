@@ -1,22 +1,22 @@
 //! A capture out of a container: the frame its table of contents names, with metadata and own white image.
 
-use std::path::Path;
-
 use serde_json::Value;
 
-use super::capture::{assemble, profile_for, sha256_of};
-use super::metadata::{self, Frame};
-use super::packing::unpack;
-use super::profile::Profile;
+use super::assemble::{assemble_capture, profile_for, unpack_image};
+use super::capture::Capture;
+use super::error::Error;
+use super::json;
+use super::metadata::{self, FrameFacts};
+use super::profile::CameraProfile;
 use super::references::{self, Reference};
 use super::segments::{Container, Segment};
-use super::{Capture, Error, RawMosaic, json};
+use crate::digest::sha256_hex;
 
 /// The first frame of a container, its pixels not yet read.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Located {
+pub struct LocatedFrame {
     /// What is known of it.
-    pub facts: Frame,
+    pub facts: FrameFacts,
     /// The segment with its pixels, if the file holds it.
     pub image: Option<Segment>,
     /// The parts that the contents name and the file does not hold.
@@ -33,11 +33,11 @@ pub struct Located {
 ///
 /// # Errors
 /// When the contents cannot be read or name no frame.
-pub fn locate(container: &Container) -> Result<Located, Error> {
+pub fn locate_frame(container: &Container) -> Result<LocatedFrame, Error> {
     let path = container.path();
     let mut warnings = container.warnings.clone();
     let contents = container.contents()?;
-    let entry_of = |c| json::at(c, "picture.frameArray.0.frame").or_else(|| json::at(c, "frames.0.frame"));
+    let entry_of = |c| json::value_at(c, "picture.frameArray.0.frame").or_else(|| json::value_at(c, "frames.0.frame"));
     let Some((contents, entry)) = contents.iter().find_map(|c| Some((c, entry_of(c)?))) else {
         let files = contents.iter().find_map(|c| c.get("files")?.as_array());
         return Err(Error::unsupported(
@@ -52,25 +52,25 @@ pub fn locate(container: &Container) -> Result<Located, Error> {
     let private = document(container, entry, "privateMetadataRef", &mut warnings)?;
     let metadata = document(container, entry, "metadataRef", &mut warnings)?;
     // Some programs keep the metadata in the table of contents itself.
-    let (mut facts, more) = metadata::frame(metadata.as_ref().unwrap_or(contents), private.as_ref());
+    let (mut facts, more) = metadata::read_frame(metadata.as_ref().unwrap_or(contents), private.as_ref());
     warnings.extend(more);
     facts.camera.white_ref = metadata::white_ref(contents).or(facts.camera.white_ref);
-    let (is_white, is_dark) = metadata::tags(contents);
+    let (is_white, is_dark) = metadata::frame_tags(contents);
     facts.is_white = is_white.or(facts.is_white);
     facts.is_dark = is_dark.or(facts.is_dark);
-    let image = json::text(entry, "imageRef").and_then(|sha1| container.find(&sha1).cloned());
+    let image = json::text_at(entry, "imageRef").and_then(|sha1| container.find(&sha1).cloned());
     let renderings = contents.pointer("/picture/accelerationArray").and_then(Value::as_array);
     let processed = renderings.is_some_and(|a| !a.is_empty());
-    Ok(Located { facts, image, missing, warnings, entry: entry.clone(), processed })
+    Ok(LocatedFrame { facts, image, missing, warnings, entry: entry.clone(), processed })
 }
 
 /// The image, or why there is none.
-fn image_of(container: &Container, located: &Located) -> Result<Segment, Error> {
+fn image_of(container: &Container, located: &LocatedFrame) -> Result<Segment, Error> {
     if let Some(image) = &located.image {
         return Ok(image.clone());
     }
     let path = container.path();
-    let Some(sha1) = json::text(&located.entry, "imageRef") else {
+    let Some(sha1) = json::text_at(&located.entry, "imageRef") else {
         return Err(Error::malformed(path, "the frame names no image (imageRef)"));
     };
     let advice = if located.processed {
@@ -82,42 +82,42 @@ fn image_of(container: &Container, located: &Located) -> Result<Segment, Error> 
 }
 
 /// Reads the first frame of a container.
-pub(super) fn capture(container: &Container, profile: Option<&Profile>) -> Result<Capture, Error> {
-    let located = locate(container)?;
+pub(super) fn capture_from_container(container: &Container, profile: Option<&CameraProfile>) -> Result<Capture, Error> {
+    let located = locate_frame(container)?;
     let image = image_of(container, &located)?;
-    let Located { facts, entry, missing, mut warnings, .. } = located;
+    let LocatedFrame { facts, entry, missing, mut warnings, .. } = located;
     warnings.extend(missing.iter().map(|m| format!("{} ({}) is named by the file but is not in it", m.path, m.sha1)));
     let (bytes, damaged) = container.checked(&image)?;
     warnings.extend(damaged);
     let guessed = profile_for(&facts, image.length);
-    let profile = profile.or(guessed.as_ref());
-    let pixels = pixels(container.path(), &facts, profile, &bytes, &mut warnings)?;
-    let white = white(container, &entry, &facts, profile, &mut warnings)?;
-    let mut capture = assemble(pixels, facts, profile, container.sha256()?, warnings);
+    let profile = profile.or(guessed);
+    let pixels = unpack_image(container.path(), &facts, profile, &bytes, &mut warnings)?;
+    let white = own_white_image(container, &entry, &facts, profile, &mut warnings)?;
+    let mut capture = assemble_capture(pixels, facts, profile, container.sha256()?, warnings);
     capture.white = white.map(Box::new);
     Ok(capture)
 }
 
 /// The white image the file carries (Illum), if it is whole.
-fn white(
+fn own_white_image(
     container: &Container,
     frame: &Value,
-    facts: &Frame,
-    profile: Option<&Profile>,
+    facts: &FrameFacts,
+    profile: Option<&CameraProfile>,
     warnings: &mut Vec<String>,
 ) -> Result<Option<Capture>, Error> {
-    let Some(segment) = json::text(frame, "modulationDataRef").and_then(|r| container.find(&r)) else {
+    let Some(segment) = json::text_at(frame, "modulationDataRef").and_then(|r| container.find(&r)) else {
         return Ok(None);
     };
     let (bytes, damaged) = container.checked(segment)?;
     warnings.extend(damaged);
     let mut own = Vec::new();
     let (mut white_facts, more) = match document(container, frame, "modulationDataMetadataRef", &mut own)? {
-        Some(m) => metadata::frame(&m, None),
-        None => (Frame::default(), Vec::new()),
+        Some(m) => metadata::read_frame(&m, None),
+        None => (FrameFacts::default(), Vec::new()),
     };
     own.extend(more);
-    // What the white image does not say of itself is as in the capture, of the same sensor.
+    // The same sensor: what the white image does not say is as in the capture.
     white_facts.size = white_facts.size.or(facts.size);
     white_facts.packing = white_facts.packing.or(facts.packing);
     white_facts.cfa = white_facts.cfa.or(facts.cfa);
@@ -126,63 +126,16 @@ fn white(
     if white_facts.camera.serial.is_none() {
         white_facts.camera.serial.clone_from(&facts.camera.serial);
     }
-    match pixels(container.path(), &white_facts, profile, &bytes, &mut own) {
+    match unpack_image(container.path(), &white_facts, profile, &bytes, &mut own) {
         Ok(mosaic) => {
-            let sha256 = sha256_of(&bytes);
-            Ok(Some(assemble(mosaic, white_facts, profile, sha256, own)))
+            let sha256 = sha256_hex(&bytes);
+            Ok(Some(assemble_capture(mosaic, white_facts, profile, sha256, own)))
         }
         Err(e) => {
             warnings.push(format!("the file's own white image was left out: {e}"));
             Ok(None)
         }
     }
-}
-
-/// Unpacks an image by its metadata, else by a profile; its size must be that of the bytes there are.
-pub(super) fn pixels(
-    path: &Path,
-    facts: &Frame,
-    profile: Option<&Profile>,
-    bytes: &[u8],
-    warnings: &mut Vec<String>,
-) -> Result<RawMosaic, Error> {
-    let from_profile = profile.map(|p| (p.sensor.width, p.sensor.height));
-    let Some((width, height)) = facts.size.or(from_profile) else {
-        return Err(Error::unsupported(
-            path,
-            format!("nothing says how large the image of {} bytes is; name the camera with --profile", bytes.len()),
-        ));
-    };
-    let Some(packing) = facts.packing.or(profile.map(|p| p.sensor.packing)) else {
-        return Err(Error::unsupported(path, "nothing says how the pixels are packed; name the camera with --profile"));
-    };
-    if facts.size.is_none() || facts.packing.is_none() {
-        warnings.push(format!(
-            "the metadata does not say how the image is stored; taken as {width}x{height} of {} bit",
-            packing.bits()
-        ));
-    }
-    let needed = width.checked_mul(height).and_then(|n| packing.bytes(n)).unwrap_or(usize::MAX);
-    if bytes.len() > needed {
-        warnings.push(format!(
-            "the image has {} bytes, {} more than {width}x{height} of {} bit need",
-            bytes.len(),
-            bytes.len() - needed,
-            packing.bits()
-        ));
-    }
-    let data = if bytes.len() < needed { None } else { unpack(packing, bytes, width * height) };
-    let data = data.ok_or_else(|| {
-        Error::malformed(
-            path,
-            format!(
-                "{width}x{height} pixels of {} bit need {needed} bytes, but the image has {}",
-                packing.bits(),
-                bytes.len()
-            ),
-        )
-    })?;
-    Ok(RawMosaic { width, height, data })
 }
 
 /// Every part the contents name that is not in the file.
@@ -200,7 +153,7 @@ fn document(
     key: &str,
     warnings: &mut Vec<String>,
 ) -> Result<Option<Value>, Error> {
-    let Some(segment) = json::text(frame, key).and_then(|r| container.find(&r)) else {
+    let Some(segment) = json::text_at(frame, key).and_then(|r| container.find(&r)) else {
         return Ok(None);
     };
     if segment.length > json::MAX_TEXT as u64 {

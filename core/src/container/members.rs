@@ -7,8 +7,9 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use super::segments::{Container, HEADER, MAGIC};
-use super::{Error, file, json, references};
+use super::error::Error;
+use super::segments::{Container, HEADER, MAGIC, SegmentKind};
+use super::{file, json, references};
 
 /// Most files looked at in one folder.
 const MAX_FILES: usize = 20_000;
@@ -170,11 +171,11 @@ fn bundle(path: &Path, seen: &mut HashSet<PathBuf>, out: &mut Members) -> Result
     own.insert(path.canonicalize().map_err(Error::io(path))?);
     while let Some(contents) = queue.pop() {
         for entry in contents.get("files").and_then(serde_json::Value::as_array).into_iter().flatten() {
-            if let (Some(name), Some(sha1)) = (json::text(entry, "name"), json::text(entry, "dataRef")) {
+            if let (Some(name), Some(sha1)) = (json::text_at(entry, "name"), json::text_at(entry, "dataRef")) {
                 named.push((name, sha1.to_ascii_lowercase()));
             }
         }
-        let Some(next) = json::text(&contents, "nextFile") else { continue };
+        let Some(next) = json::text_at(&contents, "nextFile") else { continue };
         // A neighbour in the same folder, never a path to elsewhere.
         if next.contains(['/', '\\']) || next == ".." {
             out.warnings
@@ -214,9 +215,10 @@ fn bundle(path: &Path, seen: &mut HashSet<PathBuf>, out: &mut Members) -> Result
             None => out.warnings.push(format!("{}: {name} ({sha1}) is named but not in the bundle", path.display())),
         }
     }
-    let unnamed = volumes.iter().flat_map(|v| &v.segments).filter(|s| {
-        s.kind == super::segments::Kind::Content && !order.contains(s.sha1.as_str()) && references::is_sha1(&s.sha1)
-    });
+    let unnamed = volumes
+        .iter()
+        .flat_map(|v| &v.segments)
+        .filter(|s| s.kind == SegmentKind::Content && !order.contains(s.sha1.as_str()) && references::is_sha1(&s.sha1));
     let count = unnamed.count();
     if count > 0 {
         out.warnings.push(format!("{}: {count} segments that its contents do not name", path.display()));

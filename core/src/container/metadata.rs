@@ -5,15 +5,15 @@
 
 use serde_json::Value;
 
-use super::json::{at, integer, number, text};
+use super::cfa::Cfa;
+use super::facts::{CameraFacts, ColourFacts, Levels, MAX_SIDE, MlaHint, ccm_valid, gains_valid, gamma_valid};
+use super::json::{integer_at, number_at, text_at, value_at};
 use super::packing::Packing;
-use super::profile::{MAX_SIDE, ccm_ok, gains_ok, gamma_ok, levels_ok, mla_ok};
 use super::references::is_sha1;
-use super::{CameraFacts, Cfa, ColourFacts, Levels, MlaHint};
 
 /// What metadata says of a frame.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Frame {
+pub struct FrameFacts {
     /// Width and height in pixels.
     pub size: Option<(usize, usize)>,
     /// How the pixels are packed.
@@ -42,12 +42,12 @@ pub struct Frame {
 
 /// The frame inside a `master.picture` document (white images), or the document itself.
 fn frame_nodes(root: &Value) -> (&Value, &Value) {
-    let image = |v: &Value| at(v, "image.width").is_some() || at(v, "image.color").is_some();
+    let image = |v: &Value| value_at(v, "image.width").is_some() || value_at(v, "image.color").is_some();
     if image(root) {
         return (root, root);
     }
     for prefix in ["master.picture.frameArray.0", "picture.frameArray.0", "frames.0"] {
-        if let Some(frame) = at(root, prefix).and_then(|entry| entry.get("frame")) {
+        if let Some(frame) = value_at(root, prefix).and_then(|entry| entry.get("frame")) {
             let metadata = frame.get("metadata").unwrap_or(frame);
             return (metadata, frame.get("privateMetadata").unwrap_or(root));
         }
@@ -57,15 +57,15 @@ fn frame_nodes(root: &Value) -> (&Value, &Value) {
 
 /// Reads frame metadata; `private` is the document with the serial number, where that is another.
 /// Returns the facts and one line for each that made no sense.
-pub fn frame(root: &Value, private: Option<&Value>) -> (Frame, Vec<String>) {
+pub fn read_frame(root: &Value, private: Option<&Value>) -> (FrameFacts, Vec<String>) {
     let (m, own_private) = frame_nodes(root);
-    let (is_white, is_dark) = tags(root);
+    let (is_white, is_dark) = frame_tags(root);
     let mut warnings = Vec::new();
     let mut drop = |what: &str, found: &dyn std::fmt::Debug| {
         warnings.push(format!("metadata: {what} makes no sense ({found:?}) and was ignored"))
     };
 
-    let size = match (integer(m, "image.width"), integer(m, "image.height")) {
+    let size = match (integer_at(m, "image.width"), integer_at(m, "image.height")) {
         (Some(w), Some(h)) if (1..=MAX_SIDE as i64).contains(&w) && (1..=MAX_SIDE as i64).contains(&h) => {
             Some((w as usize, h as usize))
         }
@@ -75,17 +75,18 @@ pub fn frame(root: &Value, private: Option<&Value>) -> (Frame, Vec<String>) {
             None
         }
     };
-    let image = |key: &str| at(m, &format!("image.rawDetails.{key}")).or_else(|| at(m, &format!("image.{key}")));
+    let image =
+        |key: &str| value_at(m, &format!("image.rawDetails.{key}")).or_else(|| value_at(m, &format!("image.{key}")));
     let packing = image("pixelPacking").or_else(|| image("rawDetails.pixelPacking")).and_then(|p| {
         let big = p.get("endianness").and_then(Value::as_str).is_some_and(|e| e.eq_ignore_ascii_case("big"));
-        let bits = integer(p, "bitsPerPixel")?;
+        let bits = integer_at(p, "bitsPerPixel")?;
         let packing = u32::try_from(bits).ok().and_then(|bits| Packing::new(bits, big));
         if packing.is_none() {
             drop("the pixel packing", &(bits, if big { "big" } else { "little" }));
         }
         packing
     });
-    let mosaic = image("mosaic").or_else(|| at(m, "devices.sensor.mosaic"));
+    let mosaic = image("mosaic").or_else(|| value_at(m, "devices.sensor.mosaic"));
     let cfa = mosaic.and_then(|m| {
         let cfa = cfa(m);
         if cfa.is_none() {
@@ -95,55 +96,55 @@ pub fn frame(root: &Value, private: Option<&Value>) -> (Frame, Vec<String>) {
     });
     let levels = image("pixelFormat").and_then(|f| {
         let levels = Levels { black: four(f, "black")?, white: four(f, "white")? };
-        levels_ok(&levels).then_some(levels).or_else(|| {
+        levels.is_valid().then_some(levels).or_else(|| {
             drop("the black or white level", f);
             None
         })
     });
     let gains = four(m, "image.color.whiteBalanceGain").or_else(|| four(m, "algorithms.awb.computed.gain"));
-    let ccm = ["image.color.ccmRgbToSrgbArray", "image.color.ccm"].iter().find_map(|p| nine(at(m, p)?));
-    let gamma = number(m, "image.color.gamma").map(|g| g as f32);
+    let ccm = ["image.color.ccmRgbToSrgbArray", "image.color.ccm"].iter().find_map(|p| nine(value_at(m, p)?));
+    let gamma = number_at(m, "image.color.gamma").map(|g| g as f32);
     let mut keep = |what: &str, ok: bool, found: &dyn std::fmt::Debug| {
         if !ok {
             drop(what, found);
         }
         ok
     };
-    let gains = gains.filter(|g| keep("the white balance", gains_ok(g), g));
-    let ccm = ccm.filter(|c| keep("the colour matrix", ccm_ok(c), c));
-    let gamma = gamma.filter(|g| keep("the gamma", gamma_ok(*g), g));
+    let gains = gains.filter(|g| keep("the white balance", gains_valid(g), g));
+    let ccm = ccm.filter(|c| keep("the colour matrix", ccm_valid(c), c));
+    let gamma = gamma.filter(|g| keep("the gamma", gamma_valid(*g), g));
 
-    let positive = |path: &str| number(m, path).filter(|x| *x > 0.0);
+    let positive = |path: &str| number_at(m, path).filter(|x| *x > 0.0);
     let pixel_pitch = positive("devices.sensor.pixelPitch");
     let mla = positive("devices.mla.lensPitch").zip(pixel_pitch).and_then(|(lens, pixel)| {
         let hint = MlaHint {
             pitch: lens / pixel,
-            rotation: number(m, "devices.mla.rotation").unwrap_or(0.0),
-            row_stretch: number(m, "devices.mla.scaleFactor.y").unwrap_or(1.0),
+            rotation: number_at(m, "devices.mla.rotation").unwrap_or(0.0),
+            row_stretch: number_at(m, "devices.mla.scaleFactor.y").unwrap_or(1.0),
         };
-        mla_ok(&hint).then_some(hint).or_else(|| {
+        hint.is_valid().then_some(hint).or_else(|| {
             drop("the lenslet pitch", &(lens, pixel));
             None
         })
     });
 
     let privates = [private, Some(own_private), Some(m), Some(root)];
-    let first = |path: &str| privates.iter().flatten().find_map(|v| text(v, path));
+    let first = |path: &str| privates.iter().flatten().find_map(|v| text_at(v, path));
     let response = four(m, "devices.sensor.normalizedResponses.0").filter(|r| r.iter().all(|x| *x > 0.0 && *x < 100.0));
     let camera = CameraFacts {
-        make: text(m, "camera.make"),
-        model: text(m, "camera.model").or_else(|| text(root, "cameraModel")),
+        make: text_at(m, "camera.make"),
+        model: text_at(m, "camera.model").or_else(|| text_at(root, "cameraModel")),
         serial: first("camera.serialNumber"),
-        zoom_step: integer(m, "devices.lens.zoomStep").or_else(|| integer(m, "zoomStep")),
-        focus_step: integer(m, "devices.lens.focusStep").or_else(|| integer(m, "focusStep")),
+        zoom_step: integer_at(m, "devices.lens.zoomStep").or_else(|| integer_at(m, "zoomStep")),
+        focus_step: integer_at(m, "devices.lens.focusStep").or_else(|| integer_at(m, "focusStep")),
         iso: positive("devices.sensor.iso").or_else(|| positive("image.iso")),
         exposure_seconds: positive("devices.shutter.pixelExposureDuration")
             .or_else(|| positive("devices.shutter.frameExposureDuration")),
-        exposure_bias: number(m, "image.modulationExposureBias").filter(|b| b.abs() < 100.0),
+        exposure_bias: number_at(m, "image.modulationExposureBias").filter(|b| b.abs() < 100.0),
         normalized_response: response,
         white_ref: white_ref(root),
     };
-    let frame = Frame {
+    let frame = FrameFacts {
         size,
         packing,
         cfa,
@@ -161,10 +162,10 @@ pub fn frame(root: &Value, private: Option<&Value>) -> (Frame, Vec<String>) {
 }
 
 /// Whether a picture document tags its frame as a white image (`modulationFrame`), as a dark one (`darkFrame`).
-pub fn tags(root: &Value) -> (Option<bool>, Option<bool>) {
+pub fn frame_tags(root: &Value) -> (Option<bool>, Option<bool>) {
     let tags = ["picture.frameArray.0.parameters", "master.picture.frameArray.0.parameters", "frames.0.parameters"]
         .iter()
-        .find_map(|p| at(root, p)?.get("vendorContent")?.get("com.lytro.tags"));
+        .find_map(|p| value_at(root, p)?.get("vendorContent")?.get("com.lytro.tags"));
     let tag = |key: &str| tags.and_then(|t| t.get(key)).and_then(Value::as_bool);
     (tag("modulationFrame"), tag("darkFrame"))
 }
@@ -179,7 +180,7 @@ pub fn white_ref(root: &Value) -> Option<String> {
         "derivations.0",
     ]
     .iter()
-    .filter_map(|p| text(root, p))
+    .filter_map(|p| text_at(root, p))
     .map(|s| s.to_ascii_lowercase())
     .find(|s| is_sha1(s) && s.bytes().skip(5).any(|b| b != b'0'))
 }
@@ -203,8 +204,8 @@ fn cfa(mosaic: &Value) -> Option<Cfa> {
 
 /// The numbers `r`, `gr`, `gb`, `b` of the object at `path`.
 fn four(value: &Value, path: &str) -> Option<[f32; 4]> {
-    let node = at(value, path)?;
-    let n = |key| number(node, key).map(|x| x as f32).filter(|x| x.is_finite());
+    let node = value_at(value, path)?;
+    let n = |key| number_at(node, key).map(|x| x as f32).filter(|x| x.is_finite());
     Some([n("r")?, n("gr")?, n("gb")?, n("b")?])
 }
 
@@ -213,7 +214,7 @@ fn nine(value: &Value) -> Option<[f32; 9]> {
     <[f32; 9]>::try_from(items).ok()
 }
 
-impl Frame {
+impl FrameFacts {
     /// Colour facts, the gaps filled from `fallback`.
     pub fn colour(&self, fallback: &ColourFacts) -> ColourFacts {
         ColourFacts {
@@ -246,7 +247,7 @@ mod tests {
                 "shutter": {"pixelExposureDuration": 0.004},
                 "mla": {"lensPitch": 1.4e-5, "rotation": 0.0019, "scaleFactor": {"x": 1, "y": 1.0005}}},
             "camera": {"make": "Lytro, Inc.", "model": "F01"}});
-        let (f, warnings) = frame(&m, Some(&json!({"camera": {"serialNumber": "A1"}})));
+        let (f, warnings) = read_frame(&m, Some(&json!({"camera": {"serialNumber": "A1"}})));
         assert_eq!(warnings, Vec::<String>::new());
         assert_eq!(f.size, Some((3280, 3280)));
         assert_eq!(f.packing, Some(Packing::Be12));
@@ -266,8 +267,8 @@ mod tests {
                 "mosaic": {"tile": "x-trans", "upperLeftPixel": "b"},
                 "color": {"ccm": [1e30,0,0,0,1,0,0,0,1], "gamma": -3, "whiteBalanceGain": levels(-1.0)}},
             "devices": {"sensor": {"pixelPitch": 1.4e-6}, "mla": {"lensPitch": 1e9}}});
-        let (f, warnings) = frame(&m, None);
-        assert_eq!(f, Frame { pixel_pitch: Some(1.4e-6), ..Frame::default() });
+        let (f, warnings) = read_frame(&m, None);
+        assert_eq!(f, FrameFacts { pixel_pitch: Some(1.4e-6), ..FrameFacts::default() });
         assert_eq!(warnings.len(), 8, "{warnings:#?}");
     }
 

@@ -1,21 +1,26 @@
-//! Camera profiles: a camera is data (TOML), not code.
+//! Camera profiles: a camera is data (one TOML file of `core/profiles`), not code.
 
 use std::path::Path;
+use std::sync::OnceLock;
 
 use serde::{Deserialize, Serialize};
 
+use super::cfa::Cfa;
+use super::error::Error;
+use super::facts::{ColourFacts, Levels, MAX_SIDE, MlaHint, gains_valid};
+use super::file;
 use super::packing::Packing;
-use super::{Cfa, ColourFacts, Error, Levels, MlaHint};
 
-/// Longest profile file read.
+/// Longest profile file read, bytes.
 const MAX_FILE: u64 = 1 << 20;
-/// Largest width or height of a sensor.
-pub(super) const MAX_SIDE: usize = 1 << 15;
+
+// `EMBEDDED`: the text of every file of `core/profiles`, made by `core/build.rs`.
+include!(concat!(env!("OUT_DIR"), "/profiles.rs"));
 
 /// What is known of a camera model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Profile {
+pub struct CameraProfile {
     /// Version of this format, 1.
     pub format: u32,
     /// Name, e.g. `lytro-f01`.
@@ -23,9 +28,15 @@ pub struct Profile {
     /// Maker.
     #[serde(default)]
     pub make: Option<String>,
-    /// Model names in metadata.
+    /// Model names that its captures have in their metadata, the usual one first.
     #[serde(default)]
     pub models: Vec<String>,
+    /// Other names of the same model, e.g. that in its white images.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub aliases: Vec<String>,
+    /// Whether pictures and raw files that say nothing of their camera are taken for this one. One profile has it.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub fallback: bool,
     /// Whether its captures carry their white image.
     #[serde(default)]
     pub white_inside: bool,
@@ -37,6 +48,19 @@ pub struct Profile {
     /// Colour, where a capture does not say.
     #[serde(default)]
     pub colour: Option<ColourFacts>,
+    /// One body whose figures were measured: what a simulated camera of this model looks like.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub measured: Option<MeasuredBody>,
+}
+
+/// Figures of one body of a model; bodies of a model differ.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MeasuredBody {
+    /// Its micro-lens array.
+    pub lenslets: MlaHint,
+    /// Its white balance gains of R, Gr, Gb, B in daylight.
+    pub white_balance: [f32; 4],
 }
 
 /// A sensor.
@@ -63,7 +87,7 @@ pub struct Sensor {
     pub exposure_offset: f64,
 }
 
-impl Profile {
+impl CameraProfile {
     /// The sensor's levels.
     pub fn levels(&self) -> Levels {
         Levels { black: self.sensor.black, white: self.sensor.white }
@@ -71,12 +95,17 @@ impl Profile {
 
     /// The colour facts, neutral where the profile has none.
     pub fn colour(&self) -> ColourFacts {
-        self.colour.clone().unwrap_or_else(neutral)
+        self.colour.clone().unwrap_or_else(ColourFacts::neutral)
     }
 
     /// Bytes of a packed raw image.
     pub fn raw_bytes(&self) -> Option<usize> {
         self.sensor.packing.bytes(self.sensor.width.checked_mul(self.sensor.height)?)
+    }
+
+    /// Whether `model` is one of this camera's names: its models and aliases, in any case, spaces around it left out.
+    pub fn is_called(&self, model: &str) -> bool {
+        self.models.iter().chain(&self.aliases).any(|m| m.eq_ignore_ascii_case(model.trim()))
     }
 
     fn check(&self) -> Result<(), String> {
@@ -94,87 +123,98 @@ impl Profile {
             return Err("exposure_offset must lie within 8 stops".into());
         }
         let l = self.levels();
-        if !levels_ok(&l) || l.white.iter().any(|w| *w > f32::from(self.sensor.packing.max())) {
+        if !l.is_valid() || l.white.iter().any(|w| *w > f32::from(self.sensor.packing.max())) {
             return Err("levels must be 0 <= black < white <= the largest value of the packing".into());
         }
-        if self.lenslets.as_ref().is_some_and(|m| !mla_ok(m)) {
+        let lenslets = self.lenslets.iter().chain(self.measured.iter().map(|m| &m.lenslets));
+        if !lenslets.into_iter().all(MlaHint::is_valid) {
             return Err("lenslets: pitch must be 2 to 500 pixels, rotation within ±π, row_stretch 0.5 to 2".into());
         }
-        if self
-            .colour
-            .as_ref()
-            .is_some_and(|c| !(gains_ok(&c.white_balance) && ccm_ok(&c.ccm) && c.gamma.is_none_or(gamma_ok)))
-        {
+        let gains = self.measured.as_ref().is_none_or(|m| gains_valid(&m.white_balance));
+        if !gains || self.colour.as_ref().is_some_and(|c| !c.is_valid()) {
             return Err("colour: gains must be positive, all numbers finite and below 1000".into());
         }
         Ok(())
     }
-}
 
-/// Colour facts that change nothing.
-pub(super) fn neutral() -> ColourFacts {
-    ColourFacts { white_balance: [1.0; 4], ccm: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], gamma: None }
-}
-
-pub(super) fn levels_ok(l: &Levels) -> bool {
-    l.black.iter().zip(&l.white).all(|(b, w)| *b >= 0.0 && b < w && *w <= 65535.0)
-}
-
-pub(super) fn mla_ok(m: &MlaHint) -> bool {
-    (2.0..=500.0).contains(&m.pitch) && m.rotation.abs() <= std::f64::consts::PI && (0.5..=2.0).contains(&m.row_stretch)
-}
-
-pub(super) fn gains_ok(gains: &[f32; 4]) -> bool {
-    gains.iter().all(|g| *g > 0.0 && *g < 1000.0)
-}
-
-pub(super) fn ccm_ok(ccm: &[f32; 9]) -> bool {
-    ccm.iter().all(|v| v.abs() < 1000.0) && ccm.iter().any(|v| *v != 0.0)
-}
-
-pub(super) fn gamma_ok(gamma: f32) -> bool {
-    (0.05..=20.0).contains(&gamma)
-}
-
-/// Reads a profile from TOML text.
-///
-/// # Errors
-/// A line saying what is wrong with it.
-pub fn parse(text: &str) -> Result<Profile, String> {
-    let profile: Profile = toml::from_str(text).map_err(|e| e.message().to_string())?;
-    profile.check()?;
-    Ok(profile)
-}
-
-/// The profiles that come with the program.
-pub fn profiles() -> Vec<Profile> {
-    [include_str!("../../profiles/lytro-f01.toml"), include_str!("../../profiles/lytro-illum.toml")]
-        .iter()
-        .filter_map(|text| parse(text).ok())
-        .collect()
-}
-
-/// The profile of a name (`lytro-f01`), or of a TOML file at a path.
-///
-/// # Errors
-/// When there is no such profile, or the file is not a valid one.
-pub fn profile(name: &str) -> Result<Profile, Error> {
-    let known = profiles();
-    if let Some(p) = known.iter().find(|p| p.name == name) {
-        return Ok(p.clone());
+    /// Reads a profile from TOML text.
+    ///
+    /// # Errors
+    /// A line saying what is wrong with it: not TOML, an unknown key, a value out of range.
+    pub fn from_toml(text: &str) -> Result<CameraProfile, String> {
+        let profile: CameraProfile = toml::from_str(text).map_err(|e| e.message().to_string())?;
+        profile.check()?;
+        Ok(profile)
     }
-    let path = Path::new(name);
-    if !(path.is_file() || name.ends_with(".toml") || path.components().count() > 1) {
-        let names: Vec<_> = known.iter().map(|p| p.name.as_str()).collect();
-        return Err(Error::Parameter(format!(
-            "no camera profile is called `{name}`; known are {}, or give the path of a .toml file",
-            names.join(", ")
-        )));
+
+    /// The profiles that come with the program (the files of `core/profiles`), in order of name.
+    pub fn built_in() -> &'static [CameraProfile] {
+        static PROFILES: OnceLock<Vec<CameraProfile>> = OnceLock::new();
+        PROFILES.get_or_init(|| EMBEDDED.iter().filter_map(|text| Self::from_toml(text).ok()).collect())
     }
-    let bytes = super::file::read(path, "a camera profile", MAX_FILE)?;
-    let text =
-        std::str::from_utf8(&bytes).map_err(|_| Error::malformed(path, "not a camera profile: not UTF-8 text"))?;
-    parse(text).map_err(|e| Error::malformed(path, format!("not a camera profile: {e}")))
+
+    /// The built-in profile of a model, by any of its names.
+    ///
+    /// ```
+    /// use lenslet_core::container::CameraProfile;
+    ///
+    /// let illum = CameraProfile::of_model("b01").expect("the Illum's white images call it B01");
+    /// assert_eq!((illum.name.as_str(), illum.sensor.width), ("lytro-illum", 7728));
+    /// ```
+    pub fn of_model(model: &str) -> Option<&'static CameraProfile> {
+        Self::built_in().iter().find(|p| p.is_called(model))
+    }
+
+    /// The built-in profile for pictures and raw files that say nothing of their camera.
+    pub fn fallback() -> Option<&'static CameraProfile> {
+        let all = Self::built_in();
+        all.iter().find(|p| p.fallback).or(all.first())
+    }
+
+    /// The built-in profile of a name (`lytro-f01`), or that of a TOML file at a path.
+    ///
+    /// # Errors
+    /// When there is no such profile, or the file is not a valid one.
+    ///
+    /// ```
+    /// use lenslet_core::container::CameraProfile;
+    ///
+    /// let f01 = CameraProfile::find("lytro-f01")?;
+    /// assert_eq!(f01.raw_bytes(), Some(3280 * 3280 * 3 / 2)); // 12 bit a pixel
+    /// assert!(CameraProfile::find("nikon").is_err());
+    /// # Ok::<(), lenslet_core::container::Error>(())
+    /// ```
+    pub fn find(name: &str) -> Result<CameraProfile, Error> {
+        let known = Self::built_in();
+        if let Some(p) = known.iter().find(|p| p.name == name) {
+            return Ok(p.clone());
+        }
+        let path = Path::new(name);
+        if !(path.is_file() || name.ends_with(".toml") || path.components().count() > 1) {
+            let names: Vec<_> = known.iter().map(|p| p.name.as_str()).collect();
+            return Err(Error::Parameter(format!(
+                "no camera profile is called `{name}`; known are {}, or give the path of a .toml file",
+                names.join(", ")
+            )));
+        }
+        let bytes = file::read(path, "a camera profile", MAX_FILE)?;
+        let text =
+            std::str::from_utf8(&bytes).map_err(|_| Error::malformed(path, "not a camera profile: not UTF-8 text"))?;
+        Self::from_toml(text).map_err(|e| Error::malformed(path, format!("not a camera profile: {e}")))
+    }
+}
+
+/// Whether two model names are of one camera model: equal but for case and spaces around them, or two names of one
+/// built-in profile.
+///
+/// ```
+/// use lenslet_core::container::same_model;
+///
+/// assert!(same_model("Illum", "B01 ") && same_model("x99", "X99") && !same_model("F01", "B01"));
+/// ```
+pub fn same_model(first: &str, second: &str) -> bool {
+    first.trim().eq_ignore_ascii_case(second.trim())
+        || CameraProfile::of_model(first).is_some_and(|p| p.is_called(second))
 }
 
 #[cfg(test)]
@@ -183,12 +223,12 @@ mod tests {
 
     #[test]
     fn built_in_profiles_are_valid() {
-        let all = profiles();
+        let all = CameraProfile::built_in();
         assert_eq!(all.iter().map(|p| p.name.as_str()).collect::<Vec<_>>(), ["lytro-f01", "lytro-illum"]);
         assert_eq!(all[0].raw_bytes(), Some(16_137_600));
         assert_eq!(all[1].raw_bytes(), Some(51_854_880));
-        for p in &all {
-            assert_eq!(parse(&toml::to_string(p).unwrap()).unwrap(), *p);
+        for p in all {
+            assert_eq!(CameraProfile::from_toml(&toml::to_string(p).unwrap()).unwrap(), *p);
         }
     }
 
@@ -206,21 +246,44 @@ mod tests {
             ("[sensor]", "[sensor]\nextra = 1", "extra"),
         ] {
             assert!(good.contains(from));
-            let error = parse(&good.replace(from, to)).unwrap_err();
+            let error = CameraProfile::from_toml(&good.replace(from, to)).unwrap_err();
             assert!(error.contains(word), "{to}: {error}");
             assert!(!error.contains('\n'));
         }
-        assert!(parse("").is_err());
+        assert!(CameraProfile::from_toml("").is_err());
     }
 
     #[test]
     fn profiles_are_found_by_name_and_path() {
-        assert_eq!(profile("lytro-illum").unwrap().sensor.width, 7728);
-        assert!(profile("nikon").unwrap_err().to_string().contains("lytro-f01"));
-        assert!(matches!(profile("no/such.toml"), Err(Error::Io { .. })));
+        assert_eq!(CameraProfile::find("lytro-illum").unwrap().sensor.width, 7728);
+        assert!(CameraProfile::find("nikon").unwrap_err().to_string().contains("lytro-f01"));
+        assert!(matches!(CameraProfile::find("no/such.toml"), Err(Error::Io { .. })));
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("mine.toml");
         std::fs::write(&path, include_str!("../../profiles/lytro-f01.toml").replace("lytro-f01", "mine")).unwrap();
-        assert_eq!(profile(path.to_str().unwrap()).unwrap().name, "mine");
+        assert_eq!(CameraProfile::find(path.to_str().unwrap()).unwrap().name, "mine");
+    }
+
+    #[test]
+    fn every_profile_of_the_folder_is_built_in_and_one_is_the_fallback() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("profiles");
+        let files = std::fs::read_dir(folder)
+            .unwrap()
+            .filter(|f| f.as_ref().is_ok_and(|f| f.path().extension().is_some_and(|e| e == "toml")));
+        assert_eq!(files.count(), CameraProfile::built_in().len());
+        assert_eq!(CameraProfile::built_in().iter().filter(|p| p.fallback).count(), 1);
+        assert_eq!(CameraProfile::fallback().unwrap().name, "lytro-f01");
+    }
+
+    #[test]
+    fn a_camera_has_several_names() {
+        let named = |model: &str| CameraProfile::of_model(model).map(|p| p.name.as_str());
+        assert_eq!(
+            (named("F01"), named("illum"), named("B01")),
+            (Some("lytro-f01"), Some("lytro-illum"), Some("lytro-illum"))
+        );
+        assert_eq!((named(""), named("X99")), (None, None));
+        assert!(same_model(" illum", "B01") && same_model("B01", "Illum") && same_model("x99", "X99 "));
+        assert!(!same_model("F01", "B01") && !same_model("", "F01"));
     }
 }

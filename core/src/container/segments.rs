@@ -11,7 +11,8 @@ use serde_json::Value;
 use sha1::{Digest, Sha1};
 use sha2::Sha256;
 
-use super::{Error, json};
+use super::error::Error;
+use super::{file, json};
 
 /// First 8 bytes of a container.
 pub const MAGIC: [u8; 8] = *b"\x89LFP\r\n\x1a\n";
@@ -24,7 +25,7 @@ const MAX_ZEROS: u64 = 1 << 16;
 
 /// What a segment is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum SegmentKind {
     /// `LFM`: table of contents, JSON.
     Contents,
     /// `LFC`: content.
@@ -33,13 +34,13 @@ pub enum Kind {
     Other(u8),
 }
 
-impl Kind {
+impl SegmentKind {
     /// `LFM`, `LFC` or what the file says.
     pub fn name(self) -> String {
         let letter = match self {
-            Kind::Contents => b'M',
-            Kind::Content => b'C',
-            Kind::Other(b) => b,
+            SegmentKind::Contents => b'M',
+            SegmentKind::Content => b'C',
+            SegmentKind::Other(b) => b,
         };
         format!("LF{}", letter.escape_ascii())
     }
@@ -49,7 +50,7 @@ impl Kind {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Segment {
     /// What it is.
-    pub kind: Kind,
+    pub kind: SegmentKind,
     /// Where its header starts in the file.
     pub offset: u64,
     /// Bytes of payload.
@@ -83,7 +84,7 @@ impl Container {
     /// # Errors
     /// When the file cannot be read, is no container, or ends inside a segment.
     pub fn open(path: &Path) -> Result<Container, Error> {
-        let (file, length) = super::file::open(path)?;
+        let (file, length) = file::open(path)?;
         Self::scan(path, Box::new(file), length)
     }
 
@@ -231,7 +232,7 @@ impl Container {
     /// When there is none, or one cannot be parsed.
     pub fn contents(&self) -> Result<Vec<Value>, Error> {
         let mut out = Vec::new();
-        for segment in self.segments.iter().filter(|s| s.kind == Kind::Contents) {
+        for segment in self.segments.iter().filter(|s| s.kind == SegmentKind::Contents) {
             if segment.length > json::MAX_TEXT as u64 {
                 let (value, limit) = (segment.length, json::MAX_TEXT as u64);
                 return Err(Error::Limit {
@@ -278,9 +279,9 @@ fn header_at(source: &mut Box<dyn Bytes>, position: u64, length: u64) -> std::io
         return Ok(None);
     }
     let kind = match h[3] {
-        b'M' => Kind::Contents,
-        b'C' => Kind::Content,
-        other => Kind::Other(other),
+        b'M' => SegmentKind::Contents,
+        b'C' => SegmentKind::Content,
+        other => SegmentKind::Other(other),
     };
     let payload = u32::from_be_bytes([h[12], h[13], h[14], h[15]]);
     let sha1 =

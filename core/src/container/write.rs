@@ -5,9 +5,12 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
+use super::capture::Capture;
+use super::cfa::Cfa;
+use super::error::Error;
 use super::packing::{Packing, pack};
+use super::references;
 use super::segments::{HEADER, MAGIC, sha1_of};
-use super::{Capture, Cfa, Error, references};
 use crate::output::Pending;
 
 /// Pixel pitch written where a lenslet pitch must become metres; both are divided again on reading.

@@ -4,7 +4,7 @@ use ndarray::Array3;
 use rayon::prelude::*;
 
 use super::develop::Mosaic;
-use crate::container::{CameraFacts, Cfa, profiles};
+use crate::container::{CameraFacts, CameraProfile, Cfa};
 
 /// Multiplies every colour of `values` (…, …, 3) by `matrix` (row-major, rows = output R, G, B).
 pub fn apply_matrix(values: &mut Array3<f32>, matrix: &[f32; 9]) {
@@ -27,8 +27,7 @@ pub fn apply_matrix(values: &mut Array3<f32>, matrix: &[f32; 9]) {
 /// camera's profile says its files are off by (see `exposure_offset` there). 0 where the file states none.
 pub fn exposure_bias(camera: &CameraFacts) -> f32 {
     let Some(stated) = camera.exposure_bias else { return 0.0 };
-    let model = camera.model.as_deref().unwrap_or_default();
-    let known = profiles().into_iter().find(|p| p.models.iter().any(|m| m.eq_ignore_ascii_case(model)));
+    let known = camera.model.as_deref().and_then(CameraProfile::of_model);
     let offset = known.map_or(0.0, |p| p.sensor.exposure_offset);
     ((stated + offset) as f32).clamp(-8.0, 8.0)
 }

@@ -4,9 +4,9 @@ use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 
 use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
+use lenslet_core::digest::sha256_hex;
 use lenslet_core::lightfield::colour;
 use ndarray::{Array2, ArrayView2};
-use sha2::{Digest, Sha256};
 
 use super::Error;
 
@@ -103,7 +103,7 @@ pub fn load_photo_in(path: &Path, least: usize, linear_light: bool) -> Result<Lo
         return Err(wrong("it is of one colour".into()));
     }
     let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    let sha256 = Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect();
+    let sha256 = sha256_hex(&bytes);
     Ok(Loaded { name, sha256, luminance })
 }
 

@@ -6,7 +6,7 @@
 //! The light at distance r from the centre, in half pitches, is
 //! `max(floor, 1 − falloff·r²)` (parabolic) or `floor + (1 − floor)·exp(−r²/(2 sigma²))` (Gaussian).
 
-use lenslet_core::container::{Cfa, ColourFacts, Profile as Model};
+use lenslet_core::container::{CameraProfile, Cfa, ColourFacts};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};
@@ -110,16 +110,22 @@ impl Camera {
         Camera { sensor: (side, side), ..Camera::default() }
     }
 
-    /// A camera with the sensor, lenslets and colours of a profile; the rest is that of [`Camera::default`].
-    pub fn of_profile(profile: &Model) -> Camera {
+    /// A camera with the sensor, lenslets and colours of a profile (those of its measured body where it has one); the rest is
+    /// that of [`Camera::default`].
+    pub fn of_profile(profile: &CameraProfile) -> Camera {
         let usual = Camera::default();
         let sensor = &profile.sensor;
-        let mla = profile.lenslets.as_ref();
+        let measured = profile.measured.as_ref();
+        let mla = measured.map(|m| &m.lenslets).or(profile.lenslets.as_ref());
+        let mut colour = profile.colour();
+        if let Some(m) = measured {
+            colour.white_balance = m.white_balance;
+        }
         Camera {
             sensor: (sensor.width, sensor.height),
             pitch: mla.map_or(usual.pitch, |m| m.pitch),
             row_stretch: mla.map_or(usual.row_stretch, |m| m.row_stretch),
-            colour: profile.colour(),
+            colour,
             cfa: sensor.cfa,
             // A profile's levels lie within what its packing holds.
             levels: [sensor.black[1] as u16, sensor.white[1] as u16],
@@ -334,6 +340,12 @@ mod tests {
 
     fn camera() -> Camera {
         Camera { sensor: (200, 160), pitch: 9.7, rotation: 0.05, jitter: 0.3, ..Camera::default() }
+    }
+
+    #[test]
+    fn the_default_is_the_measured_f01() {
+        let f01 = CameraProfile::find("lytro-f01").unwrap();
+        assert_eq!(Camera::of_profile(&f01), Camera::default());
     }
 
     #[test]

@@ -8,10 +8,10 @@ use lenslet_core::calibration::CalibrationVariant;
 use lenslet_core::container;
 use lenslet_core::decode::{self, Step};
 use lenslet_core::dictionary::{Dictionary, Interpolation};
+use lenslet_core::digest::sha256_hex;
 use lenslet_core::progress::Observer;
 use lenslet_data_gen::simulate::Kind;
 use ndarray::Array3;
-use sha2::{Digest, Sha256};
 
 use super::matrix::{Chain, Experiment, Run, Way};
 use super::real::Real;
@@ -169,7 +169,7 @@ fn dictionary(
     let trained = dictionaries::trained(training, seed, settings, worlds.trained(), observer)?;
     scored.scores.insert("train_seconds".into(), trained.seconds);
     let bytes = lenslet_core::dictionary::to_bytes(&trained.dictionary)?;
-    let digest: String = Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect();
+    let digest = sha256_hex(&bytes);
     scored.hashes = BTreeMap::from([("dictionary".to_owned(), digest)]);
     Ok(Some(trained.dictionary.clone()))
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use lenslet_core::calibration::{self, Calibration, CalibrationVariant};
-use lenslet_core::container::{self, Capture};
+use lenslet_core::container::{CameraProfile, Capture};
 use lenslet_core::progress::Observer;
 
 /// What was read and made so far.
@@ -49,6 +49,10 @@ impl Real {
 }
 
 fn open(path: &Path) -> Result<Capture> {
-    // A bare mosaic does not name its camera; the F01 is the one most have.
-    container::open(path, None).or_else(|_| container::open(path, Some("lytro-f01"))).map_err(Into::into)
+    // A bare mosaic does not name its camera.
+    let opened = Capture::open(path);
+    match CameraProfile::fallback() {
+        Some(camera) => opened.or_else(|_| Capture::open_as(path, camera)).map_err(Into::into),
+        None => Ok(opened?),
+    }
 }

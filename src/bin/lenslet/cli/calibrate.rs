@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use lenslet::image_io;
 use lenslet_core::calibration::figures::{self, Picture};
 use lenslet_core::calibration::{self, Calibration, CalibrationOptions, CalibrationVariant, paper};
-use lenslet_core::container::whites::{self, Candidate, State};
+use lenslet_core::container::whites::{self, CalibrationImage, ExposureClass};
 use lenslet_core::container::{self, Capture};
 use lenslet_core::output;
 use lenslet_core::progress::{Observer, Silent};
@@ -123,18 +123,18 @@ fn write_picture(path: &Path, force: bool, picture: Picture) -> anyhow::Result<(
 /// One calibration for each body, zoom and focus among the white images of a folder, bundle or archive.
 fn bundle(args: &Args, place: &Path, context: &Context) -> anyhow::Result<Outcome> {
     refuse_existing(&args.out, args.force)?;
-    let found = whites::list(place)?;
+    let found = whites::list_calibration_images(place)?;
     for warning in &found.warnings {
         context.progress.note(warning);
     }
     type Key = (Option<String>, Option<i64>, Option<i64>);
-    let mut groups: BTreeMap<Key, Vec<&Candidate>> = BTreeMap::new();
-    for candidate in found.candidates.iter().filter(|c| c.state == State::White) {
+    let mut groups: BTreeMap<Key, Vec<&CalibrationImage>> = BTreeMap::new();
+    for candidate in found.images.iter().filter(|c| c.class == ExposureClass::White) {
         let camera = &candidate.frame.camera;
         groups.entry((camera.serial.clone(), camera.zoom_step, camera.focus_step)).or_default().push(candidate);
     }
     if groups.is_empty() {
-        let there = found.candidates.len();
+        let there = found.images.len();
         anyhow::bail!(
             "{}: no white image bright enough to calibrate from ({there} images there are black, dark or saturated)",
             place.display()
@@ -160,7 +160,7 @@ fn bundle(args: &Args, place: &Path, context: &Context) -> anyhow::Result<Outcom
         let hot_pixels = match hot.get(serial) {
             Some(known) => known.clone(),
             None => {
-                let blacks = whites::blacks(&found, &white.camera);
+                let blacks = whites::black_images(&found, &white.camera);
                 let known = hot_pixels(&blacks, white, context)?;
                 hot.entry(serial).or_insert(known).clone()
             }
@@ -240,9 +240,9 @@ fn open(paths: &[PathBuf], profile: Option<&str>, context: &Context) -> anyhow::
 
 /// Opens a capture; one larger than the sensor of the camera it is said to be of is refused.
 fn open_one(path: &Path, profile: Option<&str>) -> anyhow::Result<Capture> {
-    let capture = container::open(path, profile)?;
+    let capture = container::open_capture(path, profile)?;
     if let Some(name) = profile {
-        let sensor = container::profile(name)?.sensor;
+        let sensor = container::CameraProfile::find(name)?.sensor;
         let (w, h) = (capture.mosaic.width, capture.mosaic.height);
         anyhow::ensure!(
             w <= sensor.width && h <= sensor.height,
@@ -278,7 +278,7 @@ fn hot_pixels_of_files(args: &Args, white: &Capture, context: &Context) -> anyho
 
 /// Hot pixels of the black images of a calibration folder or bundle, for the camera of `white`; black images that cannot be used
 /// are passed over with a note.
-pub fn hot_pixels(candidates: &[&Candidate], white: &Capture, context: &Context) -> anyhow::Result<Vec<u32>> {
+pub fn hot_pixels(candidates: &[&CalibrationImage], white: &Capture, context: &Context) -> anyhow::Result<Vec<u32>> {
     let (mut paths, mut blacks) = (Vec::new(), Vec::new());
     for candidate in candidates.iter().take(MOST_BLACKS) {
         match candidate.load() {

@@ -320,7 +320,7 @@ fn refuse_existing(path: &Path) -> anyhow::Result<()> {
 fn one(args: &Args, job: &Job, shelf: &mut Shelf, context: &Context) -> anyhow::Result<Value> {
     let started = Instant::now();
     let progress = &context.progress;
-    let capture = container::open(&job.capture, args.profile.as_deref())?;
+    let capture = container::open_capture(&job.capture, args.profile.as_deref())?;
     for warning in &capture.warnings {
         progress.note(&format!("{}: {warning}", job.capture.display()));
     }

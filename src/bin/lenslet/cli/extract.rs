@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
-use lenslet_core::container::{self, extract};
+use lenslet_core::container::extract;
 use lenslet_core::progress::Observer;
 use serde_json::json;
 
 use super::info::clean;
-use super::{Context, Interrupted, Outcome};
+use super::{Context, Outcome};
 
 /// Take out everything a container, calibration bundle (data.C.n) or .tar archive holds
 #[derive(Debug, clap::Args)]
@@ -28,11 +28,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
-    let (files, warnings) =
-        extract::extract(&args.file, &args.out, args.force, &context.progress).map_err(|e| match e {
-            container::Error::Interrupted => anyhow::Error::from(Interrupted),
-            e => e.into(),
-        })?;
+    let (files, warnings) = extract::extract(&args.file, &args.out, args.force, &context.progress)?;
     for warning in &warnings {
         context.progress.note(&clean(warning));
     }

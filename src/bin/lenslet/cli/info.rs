@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use lenslet_core::calibration;
-use lenslet_core::container::segments::{Container, Kind, MAGIC, Segment};
+use lenslet_core::container::segments::{Container, MAGIC, Segment, SegmentKind};
 use lenslet_core::container::{
-    self, CameraFacts, Capture, ColourFacts, Error, Levels, MlaHint, json as find, locate, metadata, references, whites,
+    self, CameraFacts, Capture, ColourFacts, Error, Levels, MlaHint, json as find, locate_frame, metadata, references,
+    whites,
 };
 use lenslet_core::dictionary;
 use lenslet_core::lightfield::{self, ReadOptions};
@@ -71,13 +72,13 @@ fn describe(args: &Args) -> anyhow::Result<Value> {
         light_field(path, args)?
     } else if head.len() == 512 && &head[257..262] == b"ustar" {
         calibration_images("archive of calibration files", path)?
-    } else if find::looks_like(head) {
+    } else if find::looks_like_object(head) {
         metadata_facts(path)?
     } else if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
-        let profile = container::profile(&path.to_string_lossy())?;
+        let profile = container::CameraProfile::find(&path.to_string_lossy())?;
         json!({"kind": "camera profile", "profile": profile})
     } else {
-        match container::open(path, args.profile.as_deref()) {
+        match container::open_capture(path, args.profile.as_deref()) {
             Ok(capture) => mosaic(&capture),
             // A colour picture is a light field of one view.
             Err(Error::Unsupported { .. }) if light_field(path, args).is_ok() => light_field(path, args)?,
@@ -113,7 +114,7 @@ fn segments(path: &Path) -> anyhow::Result<Value> {
         }));
     }
     let mut json = json!({"kind": "container", "segments": list});
-    match locate(&container) {
+    match locate_frame(&container) {
         Ok(found) => {
             warnings.extend(found.warnings.iter().filter(|w| !warnings.contains(w)).cloned().collect::<Vec<_>>());
             json["image_present"] = found.image.is_some().into();
@@ -129,7 +130,7 @@ fn segments(path: &Path) -> anyhow::Result<Value> {
 
 fn used_as(segment: &Segment, reference: Option<&str>) -> Option<String> {
     match segment.kind {
-        Kind::Contents => Some("table of contents".into()),
+        SegmentKind::Contents => Some("table of contents".into()),
         _ => reference.map(str::to_string),
     }
 }
@@ -141,14 +142,14 @@ fn content(bytes: &[u8]) -> &'static str {
         "PNG"
     } else if bytes.starts_with(&[0, 0, 0, 1]) {
         "H.264"
-    } else if find::looks_like(bytes) {
+    } else if find::looks_like_object(bytes) {
         "JSON"
     } else {
         "data"
     }
 }
 
-fn frame(json: &mut Value, facts: &metadata::Frame) {
+fn frame(json: &mut Value, facts: &metadata::FrameFacts) {
     if let Some((width, height)) = facts.size {
         json["image"] = json!({
             "width": width,
@@ -235,20 +236,20 @@ fn light_field(path: &Path, args: &Args) -> anyhow::Result<Value> {
 }
 
 fn calibration_images(kind: &str, path: &Path) -> anyhow::Result<Value> {
-    let found = whites::list(path)?;
+    let found = whites::list_calibration_images(path)?;
     let files = container::members::members(path)?.list.len();
     let images: Vec<_> = found
-        .candidates
+        .images
         .iter()
         .map(|c| {
             let f = &c.frame.camera;
             json!({
                 "name": c.member.name,
-                "state": match c.state {
-                    whites::State::White => "white",
-                    whites::State::Dark => "too dark",
-                    whites::State::Saturated => "over-exposed",
-                    whites::State::Black => "black",
+                "state": match c.class {
+                    whites::ExposureClass::White => "white",
+                    whites::ExposureClass::Dark => "too dark",
+                    whites::ExposureClass::Saturated => "over-exposed",
+                    whites::ExposureClass::Black => "black",
                 },
                 "mean": c.mean,
                 "serial": f.serial,
@@ -275,8 +276,8 @@ fn metadata_facts(path: &Path) -> anyhow::Result<Value> {
     let mut bytes = Vec::new();
     File::open(path)?.take(find::MAX_TEXT as u64 + 1).read_to_end(&mut bytes)?;
     let value = find::parse(&bytes).map_err(|e| anyhow::anyhow!("{}: {e}", path.display()))?;
-    let (facts, warnings) = metadata::frame(&value, None);
-    let known = facts != metadata::Frame::default();
+    let (facts, warnings) = metadata::read_frame(&value, None);
+    let known = facts != metadata::FrameFacts::default();
     anyhow::ensure!(known, "{}: JSON, but not the metadata of a light-field camera", path.display());
     let mut json = json!({"kind": "camera metadata"});
     frame(&mut json, &facts);

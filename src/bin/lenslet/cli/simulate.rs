@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use lenslet_core::container;
+use lenslet_core::container::CameraProfile;
 use lenslet_data_gen::simulate::{self, Camera, Kind, Options, Profile, Scene, Truth};
 use serde_json::json;
 
@@ -111,16 +111,8 @@ pub fn sorted(error: simulate::Error) -> anyhow::Error {
     }
 }
 
-/// The camera of a profile; the F01 is the one whose figures were measured.
-fn camera(name: &str) -> anyhow::Result<Camera> {
-    if name == "lytro-f01" {
-        return Ok(Camera::default());
-    }
-    Ok(Camera::of_profile(&container::profile(name)?))
-}
-
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
-    let like = camera(&args.camera)?;
+    let like = Camera::of_profile(&CameraProfile::find(&args.camera)?);
     let camera = Camera {
         sensor: args.sensor.unwrap_or(like.sensor),
         pitch: args.pitch.unwrap_or(like.pitch),

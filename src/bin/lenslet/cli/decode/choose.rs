@@ -54,7 +54,7 @@ impl Shelf {
             }
         }
         if shelf.candidates.is_empty() {
-            if !whites::list(path)?.candidates.is_empty() {
+            if !whites::list_calibration_images(path)?.images.is_empty() {
                 shelf.whites = Some(path.to_path_buf());
                 return Ok(shelf);
             }
@@ -138,15 +138,15 @@ impl Shelf {
         capture: &Capture,
         context: &Context,
     ) -> anyhow::Result<(&Calibration, String)> {
-        let choice = whites::find(place, capture)?;
+        let choice = whites::find_white_image(place, capture)?;
         let white = choice.load()?;
         let name = choice.chosen.as_ref().map(|c| c.member.label()).unwrap_or_default();
         if self.last.as_ref().is_none_or(|(p, _)| p.as_os_str() != name.as_str()) {
             for line in choice.lines() {
                 context.progress.note(&crate::cli::info::clean(&line));
             }
-            let blacks: Vec<&whites::Candidate> =
-                choice.passed.iter().map(|(c, _)| c).filter(|c| c.state == whites::State::Black).collect();
+            let blacks: Vec<&whites::CalibrationImage> =
+                choice.passed.iter().map(|(c, _)| c).filter(|c| c.class == whites::ExposureClass::Black).collect();
             let hot_pixels = crate::cli::calibrate::hot_pixels(&blacks, &white, context)?;
             let options = CalibrationOptions { hot_pixels, names: vec![name.clone()], ..CalibrationOptions::default() };
             let made = calibration::calibrate(std::slice::from_ref(&white), &options, &context.progress)?;

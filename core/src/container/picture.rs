@@ -8,9 +8,13 @@ use std::path::Path;
 
 use image::{DynamicImage, ImageFormat, ImageReader, Limits};
 
-use super::capture::{assemble, profile_for, sha256_of, size_warning};
-use super::profile::{self, MAX_SIDE, Profile};
-use super::{Capture, Error, RawMosaic, raw};
+use super::assemble::{assemble_capture, profile_for};
+use super::capture::{Capture, RawMosaic};
+use super::error::Error;
+use super::facts::MAX_SIDE;
+use super::profile::CameraProfile;
+use super::sidecar::read_sidecar;
+use crate::digest::sha256_hex;
 
 /// Longest picture file read.
 pub(super) const MAX_FILE: u64 = 1 << 30;
@@ -23,22 +27,26 @@ pub(super) fn is_picture(head: &[u8]) -> bool {
 }
 
 /// Reads a mosaic from the bytes of a picture file. A .txt or .json of the same name beside it adds the camera's metadata.
-pub(super) fn capture(path: &Path, bytes: &[u8], profile: Option<&Profile>) -> Result<Capture, Error> {
-    let (pixels, bits) = decode(path, bytes)?;
+pub(super) fn capture_from_picture(
+    path: &Path,
+    bytes: &[u8],
+    profile: Option<&CameraProfile>,
+) -> Result<Capture, Error> {
+    let (pixels, bits) = decode_picture(path, bytes)?;
     let mut warnings = Vec::new();
-    let facts = raw::sidecar(path, &mut warnings).filter(|f| f.size.is_none_or(|s| s == (pixels.width, pixels.height)));
+    let facts = read_sidecar(path, &mut warnings).filter(|f| f.size.is_none_or(|s| s == (pixels.width, pixels.height)));
     let guessed = facts.as_ref().and_then(|f| profile_for(f, 0));
     let mut hint = true;
     let profile = match (profile, guessed) {
         (Some(p), _) => {
             warnings.extend(size_warning(pixels.width, pixels.height, p));
-            p.clone()
+            p
         }
         (None, Some(p)) => p,
         (None, None) => {
-            // A camera recognised by nothing but its size says nothing certain of the lenslets before it.
+            // Size alone tells the sensor, not which lenslets are in front of it.
             hint = false;
-            by_size(pixels.width, pixels.height, &mut warnings)?
+            profile_by_size(pixels.width, pixels.height, &mut warnings)?
         }
     };
     let mut facts = facts.unwrap_or_default();
@@ -61,29 +69,37 @@ pub(super) fn capture(path: &Path, bytes: &[u8], profile: Option<&Profile>) -> R
         ));
     }
     facts.levels = Some(scaled);
-    let mut capture = assemble(pixels, facts, Some(&profile), sha256_of(bytes), warnings);
+    let mut capture = assemble_capture(pixels, facts, Some(profile), sha256_hex(bytes), warnings);
     if !hint {
         capture.mla = None;
     }
     Ok(capture)
 }
 
-/// The camera of this size; for other sizes the F01's facts, with a warning.
-fn by_size(width: usize, height: usize, warnings: &mut Vec<String>) -> Result<Profile, Error> {
-    let known = profile::profiles();
-    if let Some(p) = known.iter().find(|p| (p.sensor.width, p.sensor.height) == (width, height)) {
-        return Ok(p.clone());
+/// The camera of this size; for other sizes the facts of the fallback profile, with a warning.
+fn profile_by_size(width: usize, height: usize, warnings: &mut Vec<String>) -> Result<&'static CameraProfile, Error> {
+    let same = |p: &&CameraProfile| (p.sensor.width, p.sensor.height) == (width, height);
+    if let Some(p) = CameraProfile::built_in().iter().find(same) {
+        return Ok(p);
     }
-    let first = known.into_iter().next().ok_or_else(|| Error::Parameter("no camera profiles".into()))?;
+    let fallback = CameraProfile::fallback().ok_or_else(|| Error::Parameter("no camera profiles".into()))?;
     warnings.push(format!(
         "{width}x{height} pixels fit no known camera: levels, colour and filter array are taken from {}; name another with --profile",
-        first.name
+        fallback.name
     ));
-    Ok(first)
+    Ok(fallback)
+}
+
+/// A warning when a profile's sensor is of another size than the image.
+fn size_warning(width: usize, height: usize, profile: &CameraProfile) -> Option<String> {
+    let (w, h) = (profile.sensor.width, profile.sensor.height);
+    ((w, h) != (width, height)).then(|| {
+        format!("the image has {width}x{height} pixels, the camera {} {w}x{h}: levels and colour are its, the colour filter array may start elsewhere", profile.name)
+    })
 }
 
 /// Pixels and bits a sample.
-fn decode(path: &Path, bytes: &[u8]) -> Result<(RawMosaic, u32), Error> {
+fn decode_picture(path: &Path, bytes: &[u8]) -> Result<(RawMosaic, u32), Error> {
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(Error::io(path))?;
     let mut limits = Limits::default();
     limits.max_image_width = Some(MAX_SIDE as u32);

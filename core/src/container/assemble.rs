@@ -1,0 +1,99 @@
+//! Pixels and facts put together: metadata first, then the camera's profile for what it does not say.
+
+use std::path::Path;
+
+use super::capture::{Capture, RawMosaic};
+use super::cfa::Cfa;
+use super::error::Error;
+use super::facts::{ColourFacts, Levels};
+use super::metadata::FrameFacts;
+use super::packing::unpack;
+use super::profile::CameraProfile;
+
+/// A capture of these pixels and facts; `profile` fills what the facts leave open, each guess beyond it is a warning.
+pub(super) fn assemble_capture(
+    pixels: RawMosaic,
+    frame: FrameFacts,
+    profile: Option<&CameraProfile>,
+    sha256: String,
+    mut warnings: Vec<String>,
+) -> Capture {
+    let levels = frame.levels.clone().or_else(|| profile.map(CameraProfile::levels)).unwrap_or_else(|| {
+        warnings.push("black and white level are not known: taken as 0 and the largest value of the packing".into());
+        let max = frame.packing.map_or(u16::MAX, |p| p.max());
+        Levels { black: [0.0; 4], white: [f32::from(max); 4] }
+    });
+    let cfa = frame.cfa.or(profile.map(|p| p.sensor.cfa)).unwrap_or_else(|| {
+        warnings.push("the colour filter array is not known: taken as BGGR".into());
+        Cfa::Bggr
+    });
+    let colour = frame.colour(&profile.map_or_else(ColourFacts::neutral, CameraProfile::colour));
+    let mut camera = frame.camera;
+    if let Some(p) = profile {
+        if camera.make.is_none() {
+            camera.make.clone_from(&p.make);
+        }
+        if camera.model.is_none() {
+            camera.model = p.models.first().cloned();
+        }
+    }
+    let mla = frame.mla.or_else(|| profile.and_then(|p| p.lenslets.clone()));
+    Capture { mosaic: pixels, cfa, levels, colour, camera, mla, source_sha256: sha256, white: None, warnings }
+}
+
+/// Unpacks an image by its metadata, else by a profile.
+///
+/// # Errors
+/// When neither says how the image is stored, or there are too few bytes for it.
+pub(super) fn unpack_image(
+    path: &Path,
+    facts: &FrameFacts,
+    profile: Option<&CameraProfile>,
+    bytes: &[u8],
+    warnings: &mut Vec<String>,
+) -> Result<RawMosaic, Error> {
+    let from_profile = profile.map(|p| (p.sensor.width, p.sensor.height));
+    let Some((width, height)) = facts.size.or(from_profile) else {
+        return Err(Error::unsupported(
+            path,
+            format!("nothing says how large the image of {} bytes is; name the camera with --profile", bytes.len()),
+        ));
+    };
+    let Some(packing) = facts.packing.or(profile.map(|p| p.sensor.packing)) else {
+        return Err(Error::unsupported(path, "nothing says how the pixels are packed; name the camera with --profile"));
+    };
+    if facts.size.is_none() || facts.packing.is_none() {
+        warnings.push(format!(
+            "the metadata does not say how the image is stored; taken as {width}x{height} of {} bit",
+            packing.bits()
+        ));
+    }
+    let needed = width.checked_mul(height).and_then(|n| packing.bytes(n)).unwrap_or(usize::MAX);
+    if bytes.len() > needed {
+        warnings.push(format!(
+            "the image has {} bytes, {} more than {width}x{height} of {} bit need",
+            bytes.len(),
+            bytes.len() - needed,
+            packing.bits()
+        ));
+    }
+    let data = if bytes.len() < needed { None } else { unpack(packing, bytes, width * height) };
+    let data = data.ok_or_else(|| {
+        Error::malformed(
+            path,
+            format!(
+                "{width}x{height} pixels of {} bit need {needed} bytes, but the image has {}",
+                packing.bits(),
+                bytes.len()
+            ),
+        )
+    })?;
+    Ok(RawMosaic { width, height, data })
+}
+
+/// The built-in profile for a camera's model name, else for the length of its packed image.
+pub(super) fn profile_for(facts: &FrameFacts, image_bytes: u64) -> Option<&'static CameraProfile> {
+    let named = facts.camera.model.as_deref().and_then(CameraProfile::of_model);
+    let of_length = |p: &&CameraProfile| p.raw_bytes().map(|n| n as u64) == Some(image_bytes);
+    named.or_else(|| CameraProfile::built_in().iter().find(of_length))
+}

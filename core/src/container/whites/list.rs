@@ -1,0 +1,109 @@
+//! Every white, dark and black image of a calibration folder, bundle or archive.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use super::image::{CalibrationImage, classify};
+use crate::container::error::Error;
+use crate::container::members::{Member, members};
+use crate::container::metadata::{self, FrameFacts};
+use crate::container::segments::{Container, HEADER, MAGIC};
+use crate::container::{json, lfp};
+
+/// Every image of a folder.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct CalibrationImages {
+    /// White, dark and black images, in order of place.
+    pub images: Vec<CalibrationImage>,
+    /// Files that could have been images but could not be used, one line each, and other oddities.
+    pub warnings: Vec<String>,
+}
+
+/// Lists the images of a calibration folder, `data.C.n` bundle or .tar archive: packed .RAW files with their
+/// metadata, and containers tagged as white images or called `white…` or `MOD…`.
+///
+/// # Errors
+/// When the place cannot be read.
+pub fn list_calibration_images(place: &Path) -> Result<CalibrationImages, Error> {
+    let found = members(place)?;
+    let mut out = CalibrationImages { images: Vec::new(), warnings: found.warnings };
+    let key = |m: &Member| {
+        let folder = m.name.rsplit_once(['\\', '/']).map_or("", |(f, _)| f).to_string();
+        (m.path.parent().map(Path::to_path_buf), folder, m.stem_and_extension().0)
+    };
+    let mut texts = HashMap::new();
+    let mut hashes: HashMap<String, String> = HashMap::new();
+    for m in &found.list {
+        let (stem, extension) = m.stem_and_extension();
+        if extension == "TXT" || extension == "JSON" {
+            if stem == "CAL_FILE_MANIFEST" {
+                hashes.extend(read_manifest(m));
+            }
+            texts.insert(key(m), m);
+        }
+    }
+    for m in &found.list {
+        let (stem, extension) = m.stem_and_extension();
+        let image = if extension == "RAW" {
+            raw_image(m, texts.get(&key(m)).copied())
+        } else if m.offset == 0 && m.part(0, 8).is_ok_and(|h| h == MAGIC) {
+            container_image(m, &stem).transpose()
+        } else {
+            None
+        };
+        match image {
+            None => {}
+            Some(Ok(mut c)) => {
+                c.names.extend(hashes.get(&stem).cloned());
+                c.names.extend(c.member.sha1.clone());
+                out.images.push(c);
+            }
+            Some(Err(e)) => out.warnings.push(format!("left out: {e}")),
+        }
+    }
+    Ok(out)
+}
+
+/// Stem of each calibration file and its hash.
+fn read_manifest(member: &Member) -> Vec<(String, String)> {
+    let Ok(bytes) = member.read(json::MAX_TEXT as u64) else { return Vec::new() };
+    let Ok(value) = json::parse(&bytes) else { return Vec::new() };
+    let files = value.get("calibrationFiles").and_then(serde_json::Value::as_array);
+    let entry = |f: &serde_json::Value| {
+        let name = json::text_at(f, "name")?.to_ascii_uppercase();
+        let stem = name.rsplit(['\\', '/']).next()?.rsplit_once('.')?.0.to_string();
+        Some((stem, json::text_at(f, "hash")?.to_ascii_lowercase()))
+    };
+    files.into_iter().flatten().filter_map(entry).collect()
+}
+
+fn raw_image(member: &Member, text: Option<&Member>) -> Option<Result<CalibrationImage, Error>> {
+    let frame = match text.map(|t| (t, t.read(json::MAX_TEXT as u64))) {
+        None => Ok(FrameFacts::default()),
+        Some((t, bytes)) => bytes
+            .and_then(|b| json::parse(&b).map_err(|e| Error::malformed(&t.path, format!("{}: {e}", t.name))))
+            .map(|v| metadata::read_frame(&v, None).0),
+    };
+    Some(frame.and_then(|f| classify(member.clone(), f)))
+}
+
+fn container_image(member: &Member, stem: &str) -> Result<Option<CalibrationImage>, Error> {
+    let container = Container::open(&member.path)?;
+    let looks = stem.starts_with("WHITE") || stem.starts_with("MOD");
+    let (frame, image) = match lfp::locate_frame(&container) {
+        Ok(lfp::LocatedFrame { facts, image: Some(image), .. }) => (facts, image),
+        Err(e) if looks => return Err(e),
+        _ => return Ok(None),
+    };
+    if !(looks || frame.is_white == Some(true)) {
+        return Ok(None);
+    }
+    let inside = Member {
+        name: member.name.clone(),
+        path: member.path.clone(),
+        offset: image.offset + HEADER,
+        length: image.length,
+        sha1: Some(image.sha1),
+    };
+    classify(inside, frame).map(Some)
+}
