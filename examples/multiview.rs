@@ -172,7 +172,7 @@ fn disparity_errors(found: &Array2<f32>, truth: &Array2<f32>, view: &Array3<f32>
         }
     };
     let told = |counts: &dyn Fn(usize, usize) -> bool| {
-        lenslet_views::disparity::errors(&full, truth, BORDER, 0.07, counts).map(
+        lenslet_views::disparity::compare_with_truth(&full, truth, BORDER, 0.07, counts).map(
             |e| json!({ "median": e.median, "within_0.07": 1.0 - e.bad, "mse_x100": e.mse100, "pixels": e.pixels }),
         )
     };

@@ -54,7 +54,7 @@ pub fn render_between_views(
     let inside = gu >= 0.0 && gv >= 0.0 && gu <= (columns - 1) as f32 && gv <= (rows - 1) as f32;
     ensure_parameter!(inside, "the viewpoint {u},{v} is outside of the {rows}x{columns} views");
     ensure_parameter!(hold.is_finite(), "the disparity to hold is not a number");
-    let map = disparity::carry(disparity, [u, v], order);
+    let map = disparity::carry_to_view(disparity, [u, v], order);
     let (u0, v0) = (gu as usize, gv as usize);
     let (fu, fv) = (gu - u0 as f32, gv - v0 as f32);
     let mut near = Vec::new();

@@ -6,15 +6,15 @@ use super::depth_order::DepthOrder;
 use super::planes::Plane;
 
 /// The middle view's disparity as the view `step` = (u, v) away sees it: surfaces nearer by `order` win, gaps are filled with what lies behind. Units: pixels per view step, pixels of this map.
-pub fn carry(disparity: &Array2<f32>, step: [f32; 2], order: DepthOrder) -> Array2<f32> {
+pub fn carry_to_view(disparity: &Array2<f32>, step: [f32; 2], order: DepthOrder) -> Array2<f32> {
     let (height, width) = disparity.dim();
     let plane = Plane { width, height, data: disparity.iter().copied().collect() };
-    let carried = carry_plane(&plane, [1.0, 1.0], step, order);
+    let carried = carry_plane_to_view(&plane, [1.0, 1.0], step, order);
     Array2::from_shape_vec((height, width), carried.data).unwrap_or_else(|_| disparity.clone())
 }
 
-/// As [`carry`], for a map whose pixels are `scale` (x, y) times larger than the unit of its disparities.
-pub fn carry_plane(central: &Plane, scale: [f32; 2], step: [f32; 2], order: DepthOrder) -> Plane {
+/// As [`carry_to_view`], for a map whose pixels are `scale` (x, y) times larger than the unit of its disparities.
+pub fn carry_plane_to_view(central: &Plane, scale: [f32; 2], step: [f32; 2], order: DepthOrder) -> Plane {
     if step == [0.0, 0.0] {
         return central.clone();
     }
@@ -85,7 +85,7 @@ mod tests {
                 (20, 20),
                 |(t, s)| if (8..12).contains(&t) && (8..12).contains(&s) { -1.0f32 } else { 0.0 },
             );
-        let seen = carry(&map, [2.0, 0.0], DepthOrder::NearerIsSmaller);
+        let seen = carry_to_view(&map, [2.0, 0.0], DepthOrder::NearerIsSmaller);
         for t in 0..20 {
             for s in 0..20 {
                 let square = (8..12).contains(&t) && (6..10).contains(&s);

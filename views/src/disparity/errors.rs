@@ -4,7 +4,7 @@ use ndarray::Array2;
 
 /// How an estimate compares with the truth.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Errors {
+pub struct DisparityErrors {
     /// Share of pixels off by more than the threshold.
     pub bad: f64,
     /// Mean squared error times 100.
@@ -16,13 +16,13 @@ pub struct Errors {
 }
 
 /// Compares where `counts` says so and the truth is a number, leaving out `border` pixels on each side.
-pub fn errors(
+pub fn compare_with_truth(
     found: &Array2<f32>,
     truth: &Array2<f32>,
     border: usize,
     threshold: f32,
     counts: impl Fn(usize, usize) -> bool,
-) -> Option<Errors> {
+) -> Option<DisparityErrors> {
     let (height, width) = found.dim();
     if truth.dim() != (height, width) || 2 * border >= height.min(width) {
         return None;
@@ -43,7 +43,7 @@ pub fn errors(
     let n = list.len() as f64;
     let bad = list.iter().filter(|e| **e > threshold).count() as f64 / n;
     let mse = list.iter().map(|e| f64::from(*e).powi(2)).sum::<f64>() / n;
-    Some(Errors { bad, mse100: 100.0 * mse, median: f64::from(list[list.len() / 2]), pixels: list.len() })
+    Some(DisparityErrors { bad, mse100: 100.0 * mse, median: f64::from(list[list.len() / 2]), pixels: list.len() })
 }
 
 #[cfg(test)]
@@ -56,7 +56,7 @@ mod tests {
         let mut found = truth.clone();
         found[[5, 5]] = 1.1;
         found[[0, 0]] = 9.0;
-        let e = errors(&found, &truth, 1, 0.07, |_, _| true).unwrap();
+        let e = compare_with_truth(&found, &truth, 1, 0.07, |_, _| true).unwrap();
         assert_eq!(e.pixels, 64);
         assert!((e.bad - 1.0 / 64.0).abs() < 1e-9 && (e.mse100 - 100.0 * 0.01 / 64.0).abs() < 1e-3);
     }

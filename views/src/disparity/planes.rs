@@ -2,7 +2,7 @@
 
 use ndarray::ArrayView3;
 
-use super::Error;
+use super::error::Error;
 
 /// Luminance weights used everywhere in lenslet.
 pub const LUMINANCE: [f32; 3] = [0.299, 0.587, 0.114];

@@ -10,7 +10,7 @@ use super::refine_disparity::refine_disparity;
 use super::sample_set::SampleSet;
 use super::view_disparities::{ViewDisparities, step};
 use crate::Error;
-use crate::disparity::{self, DepthOrder, Disparity, Plane, carry_plane};
+use crate::disparity::{self, DepthOrder, Disparity, Plane, carry_plane_to_view};
 use crate::error::ensure_shape;
 
 /// Estimates the middle view's disparity, unless `options.known` gives it, and carries it to all views.
@@ -58,7 +58,7 @@ pub fn estimate_disparities(
     let order = estimate_depth_order(&central, &grid, scale, (rows, columns));
     let maps = (0..rows * columns)
         .into_par_iter()
-        .map(|k| carry_plane(&central, scale, step((rows, columns), k), order))
+        .map(|k| carry_plane_to_view(&central, scale, step((rows, columns), k), order))
         .collect();
     let mut disparities = ViewDisparities { rows, columns, maps, samples: Vec::new(), scale, order, middle };
     if options.known.is_none() {
@@ -66,7 +66,7 @@ pub fn estimate_disparities(
         let central = refine_disparity(set, &light, &disparities);
         disparities.maps = (0..rows * columns)
             .into_par_iter()
-            .map(|k| carry_plane(&central, scale, step((rows, columns), k), order))
+            .map(|k| carry_plane_to_view(&central, scale, step((rows, columns), k), order))
             .collect();
         if let Ok(found) = Array2::from_shape_vec((height, width), central.data) {
             disparities.middle.disparity = found;
@@ -90,7 +90,7 @@ fn estimate_depth_order(central: &Plane, grid: &[Vec<Plane>], scale: [f32; 2], v
         let k = v * columns + u;
         let offset = step(views, k);
         for (order, e) in [DepthOrder::NearerIsSmaller, DepthOrder::NearerIsLarger].into_iter().zip(&mut error) {
-            let map = carry_plane(central, scale, offset, order);
+            let map = carry_plane_to_view(central, scale, offset, order);
             for t in 0..map.height {
                 for s in 0..map.width {
                     let d = map.data[t * map.width + s];

@@ -139,8 +139,10 @@ fn compare(path: &Path, args: &Args, found: &disparity::Disparity) -> anyhow::Re
         found.disparity.dim()
     );
     let told = |least: f32| {
-        disparity::errors(&found.disparity, &truth, args.border, 0.07, |t, s| found.confidence[[t, s]] >= least)
-            .map(|e| json!({ "bad_0.07": e.bad, "mse_x100": e.mse100, "median": e.median, "pixels": e.pixels }))
+        disparity::compare_with_truth(&found.disparity, &truth, args.border, 0.07, |t, s| {
+            found.confidence[[t, s]] >= least
+        })
+        .map(|e| json!({ "bad_0.07": e.bad, "mse_x100": e.mse100, "median": e.median, "pixels": e.pixels }))
     };
     Ok(json!({ "all": told(0.0), "confident_0.5": told(0.5) }))
 }

@@ -1,0 +1,18 @@
+//! What goes wrong when disparity is estimated.
+
+use lenslet_core::progress::Interrupted;
+
+/// What goes wrong.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The light field cannot be used.
+    #[error("disparity needs at least 2 views of one or three channels: {0}")]
+    Shape(String),
+    /// An option is out of range.
+    #[error("{0}")]
+    Parameter(String),
+    /// The observer asked to stop.
+    #[error(transparent)]
+    Interrupted(#[from] Interrupted),
+}

@@ -1,0 +1,78 @@
+//! Matching costs of all hypotheses at every pixel, gathered along edges.
+
+use lenslet_core::progress::Observer;
+use rayon::prelude::*;
+
+use super::error::Error;
+use super::options::Options;
+use super::planes::Plane;
+use super::{regularise, sweep};
+
+fn placed(grid: &[Vec<Plane>], at: (usize, usize)) -> Vec<sweep::Placed<'_>> {
+    let mut out = Vec::new();
+    for (v, row) in grid.iter().enumerate() {
+        for (u, plane) in row.iter().enumerate() {
+            if (v, u) != at {
+                out.push((plane, u as f32 - at.1 as f32, v as f32 - at.0 as f32));
+            }
+        }
+    }
+    out
+}
+
+/// The hypotheses of a range: `step` pixels apart at the outermost view, at least 5, at most 128.
+pub(super) fn hypotheses(range: (f32, f32), step: f32, reach: f32) -> Vec<f32> {
+    let n = (((range.1 - range.0) * reach.max(1.0) / step).ceil() as usize).clamp(4, 127);
+    (0..=n).map(|k| range.0 + (range.1 - range.0) * k as f32 / n as f32).collect()
+}
+
+/// View steps from the reference view to the furthest one.
+pub(super) fn outermost_step(grid: &[Vec<Plane>], at: (usize, usize)) -> f32 {
+    let (rows, columns) = (grid.len(), grid[0].len());
+    at.0.max(rows - 1 - at.0).max(at.1).max(columns - 1 - at.1) as f32
+}
+
+/// Costs of all hypotheses, gathered along edges.
+pub(super) fn cost_volume(
+    grid: &[Vec<Plane>],
+    at: (usize, usize),
+    hypotheses: Vec<f32>,
+    radius: usize,
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<sweep::Volume, Error> {
+    let reference = &grid[at.0][at.1];
+    let views = placed(grid, at);
+    let robust = sweep::Robust { truncation: options.truncation, half_penalty: 0.5 };
+    let guide = regularise::Guide::new(reference, radius, 1e-4);
+    let planes = hypotheses
+        .par_iter()
+        .map(|&d| {
+            observer.check()?;
+            let mut cost = sweep::cost(reference, &views, d, &robust);
+            guide.filter(&mut cost);
+            observer.advance(1);
+            Ok(cost)
+        })
+        .collect::<Result<Vec<_>, Error>>()?;
+    Ok(sweep::Volume { width: reference.width, height: reference.height, hypotheses, planes })
+}
+
+/// Index of the least cost at a pixel, and how far it stands below the mean over the hypotheses (0..1).
+pub(super) fn least_cost(volume: &sweep::Volume, k: usize) -> (usize, f32) {
+    let (mut best, mut least, mut sum) = (0, f32::INFINITY, 0.0);
+    for (d, plane) in volume.planes.iter().enumerate() {
+        let c = plane[k];
+        sum += c;
+        if c < least {
+            (best, least) = (d, c);
+        }
+    }
+    let mean = sum / volume.planes.len() as f32;
+    (best, confidence_of(mean, least))
+}
+
+/// Confidence of a minimum `least` under a mean cost `mean`; the constant is the brightness noise of a good camera.
+pub(super) fn confidence_of(mean: f32, least: f32) -> f32 {
+    ((mean - least) / (mean + 0.004)).clamp(0.0, 1.0)
+}
