@@ -241,7 +241,7 @@ fn refine_enlarges_a_light_field_and_refuses_what_it_cannot() {
     let told: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
     assert_eq!((&told["size"], &told["samples"]), (&serde_json::json!([100, 100]), &serde_json::json!(false)));
     let refined = lightfield::load(&to, &ReadOptions::default()).unwrap();
-    assert_eq!(refined.meta.method.as_deref(), Some("multiview"));
+    assert_eq!(refined.meta.method, Some("multiview".into()));
     let plain = lightfield::load(&from, &ReadOptions::default()).unwrap();
     let alone = bicubic::resize(plain.data.slice(s![2, 2, .., .., ..]), 100, 100).unwrap();
     let error = |image: ArrayView3<f32>| -> f64 {

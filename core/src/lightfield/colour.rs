@@ -3,8 +3,17 @@
 //! Values below 0 are mirrored, values above 1 follow the curve, so both directions stay inverse to each other.
 
 use ndarray::{ArrayBase, DataMut, Dimension};
+use serde::{Deserialize, Serialize};
 
-use super::ColourSpace;
+/// How values relate to light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ColourSpace {
+    /// sRGB primaries, sRGB transfer curve.
+    Srgb,
+    /// sRGB primaries, linear light.
+    Linear,
+}
 
 /// Linear light to its sRGB-encoded value.
 pub fn encode(linear: f32) -> f32 {

@@ -5,8 +5,11 @@ use std::path::{Path, PathBuf};
 
 use ndarray::Array3;
 
-use super::queue::Queue;
-use super::{Error, Meta, ViewSink, ViewSource, image_file, io_at, malformed, unsupported};
+use super::error::{Error, io_at, malformed, unsupported};
+use super::image_file;
+use super::meta::Meta;
+use super::view_io::{ViewSink, ViewSource, check_all_written};
+use super::write_queue::WriteQueue;
 use crate::output::Pending;
 
 /// Name of the description.
@@ -24,14 +27,14 @@ pub(super) struct Writer {
     written: Vec<bool>,
     // Dropped after `queue` has been waited for (see Drop), so no job writes into a folder being removed.
     pending: Option<Pending>,
-    queue: Queue,
+    queue: WriteQueue,
 }
 
 impl Writer {
     pub(super) fn create(path: &Path, meta: Meta, force: bool) -> Result<Self, Error> {
         let pending = Pending::directory(path, force)?;
         let written = vec![false; meta.views[0] * meta.views[1]];
-        Ok(Writer { meta, written, pending: Some(pending), queue: Queue::new() })
+        Ok(Writer { meta, written, pending: Some(pending), queue: WriteQueue::new() })
     }
 }
 
@@ -55,7 +58,7 @@ impl ViewSink for Writer {
 
     fn finish(mut self: Box<Self>) -> Result<(), Error> {
         self.queue.wait()?;
-        super::all_written(&self.written, self.meta.views[1])?;
+        check_all_written(&self.written, self.meta.views[1])?;
         let Some(pending) = self.pending.take() else { return Ok(()) };
         let path = pending.path().join(DESCRIPTION);
         let text = serde_json::to_string_pretty(&self.meta)
@@ -108,8 +111,8 @@ impl ViewSource for Reader {
     }
 
     fn read(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {
-        super::check_place(&self.meta, v, u)?;
+        self.meta.check_place(v, u)?;
         let path = self.folder.join(view_name(v, u));
-        image_file::read_expecting(&path, &self.meta)
+        image_file::read_view(&path, &self.meta)
     }
 }

@@ -5,17 +5,21 @@ use std::path::Path;
 
 use ndarray::Array3;
 
+use super::block::{BlockLayout, BlockViews, SampleBlock};
+use super::colour::ColourSpace;
+use super::error::{Error, io_at, malformed, unsupported};
+use super::format::ReadOptions;
 use super::image_file;
-use super::strided::{Layout, Strided, Whole};
-use super::{ColourSpace, Error, Meta, ReadOptions, ViewSink, io_at, malformed, unsupported};
+use super::meta::{MAX_SIDE, Meta};
+use super::view_io::{ViewSink, check_all_written};
 use crate::output::Pending;
 
 /// Most values of such a picture; 2 GiB at 16 bits.
 const MAX_VALUES: usize = 1 << 30;
 
 /// Reads a lenslet picture, kept in memory as stored.
-pub(super) fn open(path: &Path, views: [usize; 2], options: &ReadOptions) -> Result<Whole, Error> {
-    let shape = image_file::shape_within(path, MAX_VALUES)?;
+pub(super) fn open(path: &Path, views: [usize; 2], options: &ReadOptions) -> Result<BlockViews, Error> {
+    let shape = image_file::read_shape_within(path, MAX_VALUES)?;
     let [rows, columns] = views;
     // What does not fill a lenslet at the right and bottom edge is left out.
     let size = [shape.height / rows.max(1), shape.width / columns.max(1)];
@@ -24,12 +28,12 @@ pub(super) fn open(path: &Path, views: [usize; 2], options: &ReadOptions) -> Res
     meta.check().map_err(|e| malformed(path, format!("no lenslet picture of {rows}x{columns} views: {e}")))?;
     let (bytes, number, channels) = image_file::read_stored(path, MAX_VALUES)?;
     let line = shape.width * channels;
-    let layout = Layout {
+    let layout = BlockLayout {
         strides: [line, channels, rows * line, columns * channels, 1],
         number,
         scale: number.kind.full_scale().unwrap_or(1.0),
     };
-    Ok(Whole::new(path, meta, Strided::new(bytes, layout)))
+    Ok(BlockViews::new(path, meta, SampleBlock::new(bytes, layout)))
 }
 
 /// Writes a lenslet picture, 16 bit; its pixels stay in memory until it is finished.
@@ -44,7 +48,7 @@ impl Writer {
     pub(super) fn create(path: &Path, meta: Meta, force: bool) -> Result<Self, Error> {
         let values = meta.views[0] * meta.views[1] * meta.size[0] * meta.size[1];
         let (height, width) = (meta.views[0] * meta.size[0], meta.views[1] * meta.size[1]);
-        if values > MAX_VALUES / 4 || height > super::MAX_SIDE || width > super::MAX_SIDE {
+        if values > MAX_VALUES / 4 || height > MAX_SIDE || width > MAX_SIDE {
             return Err(unsupported(path, format!("a lenslet picture of {width}x{height} pixels is too large")));
         }
         let pending = Pending::file(path, force)?;
@@ -73,7 +77,7 @@ impl ViewSink for Writer {
     }
 
     fn finish(self: Box<Self>) -> Result<(), Error> {
-        super::all_written(&self.written, self.meta.views[1])?;
+        check_all_written(&self.written, self.meta.views[1])?;
         let (height, width) = (self.meta.views[0] * self.meta.size[0], self.meta.views[1] * self.meta.size[1]);
         let path = self.pending.path();
         let png = image_file::encode_png(&self.samples, width, height, self.meta.channels, path)?;

@@ -2,14 +2,15 @@
 
 use std::fs::File;
 use std::io::BufReader;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use image::{ColorType, DynamicImage, ImageDecoder, ImageReader, Limits};
 use ndarray::Array3;
 use rayon::prelude::*;
 
-use super::number::{Kind, Number};
-use super::{ColourSpace, Error, MAX_SIDE, MAX_VIEW_VALUES, Meta, ReadOptions, ViewSource, io_at, malformed};
+use super::error::{Error, io_at, malformed};
+use super::meta::{MAX_SIDE, MAX_VIEW_VALUES, Meta};
+use super::sample::{SampleFormat, SampleKind};
 
 /// Values 0..1 to big-endian 16-bit samples, rounded to nearest; NaN becomes 0.
 pub(super) fn to_sixteen_bits(view: &Array3<f32>) -> Vec<u8> {
@@ -59,7 +60,7 @@ pub(super) struct Shape {
     pub(super) channels: usize,
 }
 
-fn decoder(path: &Path, max_values: usize) -> Result<(impl ImageDecoder + use<>, Shape), Error> {
+fn open_decoder(path: &Path, max_values: usize) -> Result<(impl ImageDecoder + use<>, Shape), Error> {
     let file = File::open(path).map_err(io_at(path))?;
     let length = file.metadata().map_err(io_at(path))?.len();
     let mut reader = ImageReader::new(BufReader::new(file)).with_guessed_format().map_err(io_at(path))?;
@@ -92,35 +93,35 @@ fn decoder(path: &Path, max_values: usize) -> Result<(impl ImageDecoder + use<>,
 }
 
 /// Size and channels, from the file's head.
-pub(super) fn shape(path: &Path) -> Result<Shape, Error> {
-    shape_within(path, MAX_VIEW_VALUES)
+pub(super) fn read_shape(path: &Path) -> Result<Shape, Error> {
+    read_shape_within(path, MAX_VIEW_VALUES)
 }
 
-/// [`shape`] of a picture of at most `max_values` values (counting four channels).
-pub(super) fn shape_within(path: &Path, max_values: usize) -> Result<Shape, Error> {
-    Ok(decoder(path, max_values)?.1)
+/// [`read_shape`] of a picture of at most `max_values` values (counting four channels).
+pub(super) fn read_shape_within(path: &Path, max_values: usize) -> Result<Shape, Error> {
+    Ok(open_decoder(path, max_values)?.1)
 }
 
 /// Reads an image as stored: its bytes (u8, or u16 little-endian) in row-major order, what they are, and 1 or 3
 /// channels; alpha is dropped.
-pub(super) fn read_stored(path: &Path, max_values: usize) -> Result<(Vec<u8>, Number, usize), Error> {
-    let (decoder, shape) = decoder(path, max_values)?;
+pub(super) fn read_stored(path: &Path, max_values: usize) -> Result<(Vec<u8>, SampleFormat, usize), Error> {
+    let (decoder, shape) = open_decoder(path, max_values)?;
     let picture = DynamicImage::from_decoder(decoder).map_err(|e| malformed(path, e.to_string()))?;
-    let eight = Number { kind: Kind::U8, big_endian: false };
-    let sixteen = Number { kind: Kind::U16, big_endian: false };
+    let eight = SampleFormat { kind: SampleKind::U8, big_endian: false };
+    let sixteen = SampleFormat { kind: SampleKind::U16, big_endian: false };
     let (bytes, number) = match (shape.channels, picture) {
         (1, DynamicImage::ImageLuma8(p)) => (p.into_raw(), eight),
-        (1, DynamicImage::ImageLuma16(p)) => (little(p.as_raw()), sixteen),
-        (1, p) => (little(p.into_luma16().as_raw()), sixteen),
+        (1, DynamicImage::ImageLuma16(p)) => (little_endian(p.as_raw()), sixteen),
+        (1, p) => (little_endian(p.into_luma16().as_raw()), sixteen),
         (_, DynamicImage::ImageRgb8(p)) => (p.into_raw(), eight),
-        (_, DynamicImage::ImageRgb16(p)) => (little(p.as_raw()), sixteen),
+        (_, DynamicImage::ImageRgb16(p)) => (little_endian(p.as_raw()), sixteen),
         (_, DynamicImage::ImageRgba8(p)) => (DynamicImage::ImageRgba8(p).into_rgb8().into_raw(), eight),
-        (_, p) => (little(p.into_rgb16().as_raw()), sixteen),
+        (_, p) => (little_endian(p.into_rgb16().as_raw()), sixteen),
     };
     Ok((bytes, number, shape.channels))
 }
 
-fn little(values: &[u16]) -> Vec<u8> {
+fn little_endian(values: &[u16]) -> Vec<u8> {
     let mut bytes = vec![0; 2 * values.len()];
     for (to, x) in bytes.as_chunks_mut().0.iter_mut().zip(values) {
         *to = x.to_le_bytes();
@@ -129,55 +130,30 @@ fn little(values: &[u16]) -> Vec<u8> {
 }
 
 /// Reads an image as values 0..1, shape (t, s, c), c = 1 or 3; alpha is dropped.
-pub(super) fn read(path: &Path) -> Result<Array3<f32>, Error> {
-    let Shape { width, height, channels } = shape(path)?;
+pub(super) fn read_picture(path: &Path) -> Result<Array3<f32>, Error> {
+    let Shape { width, height, channels } = read_shape(path)?;
     let (bytes, number, _) = read_stored(path, MAX_VIEW_VALUES)?;
     let values = number.read_all(&bytes, number.kind.full_scale().unwrap_or(1.0));
     Array3::from_shape_vec((height, width, channels), values).map_err(|e| malformed(path, e.to_string()))
 }
 
 /// Reads one view of a light field; its size is compared before its pixels are read.
-pub(super) fn read_expecting(path: &Path, meta: &Meta) -> Result<Array3<f32>, Error> {
-    let shape = shape(path)?;
+pub(super) fn read_view(path: &Path, meta: &Meta) -> Result<Array3<f32>, Error> {
+    let shape = read_shape(path)?;
     let (height, width, channels) = meta.view_shape();
     if (shape.height, shape.width) != (height, width) {
         let reason = format!("{}x{} pixels, expected {width}x{height}", shape.width, shape.height);
         return Err(malformed(path, reason));
     }
     if shape.channels == channels {
-        return read(path);
+        return read_picture(path);
     }
     if channels == 1 {
         return Err(malformed(path, format!("{} channels, expected 1", shape.channels)));
     }
     // A grey view among coloured ones is a colour picture without colour.
-    let grey = read(path)?;
+    let grey = read_picture(path)?;
     grey.broadcast((height, width, channels))
         .map(|g| g.to_owned())
         .ok_or_else(|| malformed(path, "1 channel, expected 3"))
-}
-
-/// A single image as a light field of one view.
-pub(super) struct Single {
-    path: PathBuf,
-    meta: Meta,
-}
-
-impl Single {
-    pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Self, Error> {
-        let Shape { width, height, channels } = shape(path)?;
-        let colour = options.colour.unwrap_or(ColourSpace::Srgb);
-        Ok(Single { path: path.to_path_buf(), meta: Meta::new([1, 1], [height, width], channels, colour) })
-    }
-}
-
-impl ViewSource for Single {
-    fn meta(&self) -> &Meta {
-        &self.meta
-    }
-
-    fn read(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {
-        super::check_place(&self.meta, v, u)?;
-        read_expecting(&self.path, &self.meta)
-    }
 }

@@ -10,9 +10,13 @@ use std::path::Path;
 use flate2::read::ZlibDecoder;
 use ndarray::Array3;
 
-use super::number::{Kind, Number};
-use super::strided::{Layout, Strided, Whole};
-use super::{ColourSpace, Error, Meta, ReadOptions, ViewSink, io_at, malformed, unsupported};
+use super::block::{BlockLayout, BlockViews, SampleBlock};
+use super::colour::ColourSpace;
+use super::error::{Error, io_at, malformed, unsupported};
+use super::format::ReadOptions;
+use super::meta::Meta;
+use super::sample::{SampleFormat, SampleKind};
+use super::view_io::{ViewSink, check_all_written};
 use crate::output::Pending;
 
 /// First bytes of a level 5 file.
@@ -55,7 +59,7 @@ struct Array {
     class: u8,
     complex: bool,
     dims: Vec<u64>,
-    stored: Number,
+    stored: SampleFormat,
     bytes: u64,
 }
 
@@ -68,7 +72,7 @@ struct Place {
 }
 
 /// Reads the light field of a MATLAB file, kept in memory as stored.
-pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Whole, Error> {
+pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<BlockViews, Error> {
     let mut file = File::open(path).map_err(io_at(path))?;
     let length = file.metadata().map_err(io_at(path))?.len();
     let big = endian(&mut file, path)?;
@@ -106,8 +110,8 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Whole, Error> {
         return Err(bad(format!("{} MiB are too many", expected >> 20)));
     }
     let bytes = data(&mut file, path, place, big, expected)?;
-    let block = Strided::new(bytes, Layout { strides, number: array.stored, scale });
-    Ok(Whole::new(path, meta, block))
+    let block = SampleBlock::new(bytes, BlockLayout { strides, number: array.stored, scale });
+    Ok(BlockViews::new(path, meta, block))
 }
 
 /// Checks the file's header; true for big-endian numbers.
@@ -245,7 +249,7 @@ fn small(from: &mut dyn Read, big: bool, most: u64) -> std::io::Result<Vec<u8>> 
 /// An array's flags, dimensions and name, and the tag of its numbers; leaves `from` where they start.
 fn head(from: &mut dyn Read, big: bool) -> std::io::Result<Array> {
     let bad = || std::io::Error::from(std::io::ErrorKind::InvalidData);
-    let int = Number { kind: Kind::U32, big_endian: big };
+    let int = SampleFormat { kind: SampleKind::U32, big_endian: big };
     let flags = int.read(small(from, big, 8)?.get(..4).ok_or_else(bad)?) as u32;
     let dims = small(from, big, 4 * MAX_DIMENSIONS as u64)?;
     let dims: Vec<u64> = dims.chunks_exact(4).map(|d| int.read(d) as u64).collect();
@@ -257,17 +261,17 @@ fn head(from: &mut dyn Read, big: bool) -> std::io::Result<Array> {
         length => (first & 0xffff, u64::from(length)),
     };
     let kind = match kind {
-        1 => Kind::I8,
-        2 => Kind::U8,
-        3 => Kind::I16,
-        4 => Kind::U16,
-        5 => Kind::I32,
-        6 => Kind::U32,
-        7 => Kind::F32,
-        9 => Kind::F64,
+        1 => SampleKind::I8,
+        2 => SampleKind::U8,
+        3 => SampleKind::I16,
+        4 => SampleKind::U16,
+        5 => SampleKind::I32,
+        6 => SampleKind::U32,
+        7 => SampleKind::F32,
+        9 => SampleKind::F64,
         _ => return Err(bad()),
     };
-    let stored = Number { kind, big_endian: big };
+    let stored = SampleFormat { kind, big_endian: big };
     Ok(Array { name, class: flags as u8, complex: (flags >> 8) as u8 & COMPLEX != 0, dims, stored, bytes })
 }
 
@@ -318,7 +322,7 @@ impl ViewSink for Writer {
     }
 
     fn finish(self: Box<Self>) -> Result<(), Error> {
-        super::all_written(&self.written, self.meta.views[1])?;
+        check_all_written(&self.written, self.meta.views[1])?;
         let path = self.pending.path().to_path_buf();
         let mut out = BufWriter::new(File::create(&path).map_err(io_at(&path))?);
         out.write_all(&opening(&self.meta, self.values.len())).map_err(io_at(&path))?;

@@ -7,10 +7,14 @@ use std::path::{Path, PathBuf};
 
 use ndarray::Array3;
 
-use super::number::{Kind, Number};
-use super::queue::Queue;
-use super::strided::{Layout, Strided};
-use super::{ColourSpace, Error, Meta, ReadOptions, ViewSink, ViewSource, io_at, malformed, unsupported};
+use super::block::{BlockLayout, SampleBlock};
+use super::colour::ColourSpace;
+use super::error::{Error, io_at, malformed, unsupported};
+use super::format::ReadOptions;
+use super::meta::Meta;
+use super::sample::{SampleFormat, SampleKind};
+use super::view_io::{ViewSink, ViewSource, check_all_written, check_finite};
+use super::write_queue::WriteQueue;
 use crate::output::Pending;
 
 /// First bytes of every .npy.
@@ -24,7 +28,7 @@ pub(super) struct Writer {
     written: Vec<bool>,
     data_start: u64,
     pending: Option<Pending>,
-    queue: Queue,
+    queue: WriteQueue,
 }
 
 impl Writer {
@@ -37,7 +41,7 @@ impl Writer {
         let data = (meta.views[0] * meta.views[1]) as u64 * (t * s * c) as u64 * 4;
         file.set_len(head.len() as u64 + data).map_err(io_at(path))?;
         let written = vec![false; meta.views[0] * meta.views[1]];
-        Ok(Writer { meta, written, data_start: head.len() as u64, pending: Some(pending), queue: Queue::new() })
+        Ok(Writer { meta, written, data_start: head.len() as u64, pending: Some(pending), queue: WriteQueue::new() })
     }
 }
 
@@ -85,7 +89,7 @@ impl ViewSink for Writer {
 
     fn finish(mut self: Box<Self>) -> Result<(), Error> {
         self.queue.wait()?;
-        super::all_written(&self.written, self.meta.views[1])?;
+        check_all_written(&self.written, self.meta.views[1])?;
         match self.pending.take() {
             Some(pending) => Ok(pending.commit()?),
             None => Ok(()),
@@ -104,12 +108,12 @@ impl Drop for Writer {
 pub(super) struct Reader {
     path: PathBuf,
     meta: Meta,
-    number: Number,
+    number: SampleFormat,
     scale: f32,
     /// Where the data starts, and channels stored (4 where the last is dropped).
     start: u64,
     stored: usize,
-    whole: Option<Strided>,
+    whole: Option<SampleBlock>,
 }
 
 impl Reader {
@@ -139,8 +143,8 @@ impl Reader {
             // Fortran order: the first stored index runs fastest; which axes were stored does not change the order.
             let strides = [1, vu.0, vu.0 * vu.1, vu.0 * vu.1 * ts.0, vu.0 * vu.1 * ts.0 * ts.1];
             let strides = if header.running { [vu.1, 1, strides[2], strides[3], strides[4]] } else { strides };
-            let layout = Layout { strides, number, scale };
-            Some(Strided::read(path, start, values, layout)?)
+            let layout = BlockLayout { strides, number, scale };
+            Some(SampleBlock::read(path, start, values, layout)?)
         } else {
             None
         };
@@ -154,7 +158,7 @@ impl ViewSource for Reader {
     }
 
     fn read(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {
-        super::check_place(&self.meta, v, u)?;
+        self.meta.check_place(v, u)?;
         let (t, s, c) = self.meta.view_shape();
         let view = match &self.whole {
             Some(whole) => whole.view(v, u, (t, s, c)),
@@ -172,7 +176,7 @@ impl ViewSource for Reader {
                 Array3::from_shape_vec((t, s, c), values).map_err(|e| malformed(&self.path, e.to_string()))?
             }
         };
-        super::finite(&self.path, v, u, view)
+        check_finite(&self.path, v, u, view)
     }
 }
 
@@ -236,7 +240,7 @@ fn parse_header(text: &str) -> Result<Header, String> {
     Ok(Header { descr: descr.to_string(), fortran, shape, running })
 }
 
-fn number(descr: &str) -> Option<Number> {
+fn number(descr: &str) -> Option<SampleFormat> {
     let (order, kind) = descr.split_at_checked(1)?;
     let big_endian = match order {
         "<" | "|" | "=" => false,
@@ -244,13 +248,13 @@ fn number(descr: &str) -> Option<Number> {
         _ => return None,
     };
     let kind = match kind {
-        "u1" => Kind::U8,
-        "u2" => Kind::U16,
-        "f4" => Kind::F32,
-        "f8" => Kind::F64,
+        "u1" => SampleKind::U8,
+        "u2" => SampleKind::U16,
+        "f4" => SampleKind::F32,
+        "f8" => SampleKind::F64,
         _ => return None,
     };
-    Some(Number { kind, big_endian })
+    Some(SampleFormat { kind, big_endian })
 }
 
 /// Views, size and stored channels of an array of this shape.

@@ -9,7 +9,12 @@ use std::path::{Path, PathBuf};
 
 use ndarray::Array3;
 
-use super::{ColourSpace, Error, Meta, ReadOptions, ViewSource, image_file, io_at, malformed};
+use super::colour::ColourSpace;
+use super::error::{Error, io_at, malformed};
+use super::format::ReadOptions;
+use super::image_file;
+use super::meta::Meta;
+use super::view_io::ViewSource;
 
 /// Most files looked at in a folder.
 const MAX_FILES: usize = 1 << 17;
@@ -38,7 +43,7 @@ impl Reader {
         }
         let (views, names) = arrange(names, options.views).map_err(|reason| malformed(folder, reason))?;
         let Some(first) = names.first() else { return Err(malformed(folder, "no pictures")) };
-        let image_file::Shape { width, height, channels } = image_file::shape(&folder.join(first))?;
+        let image_file::Shape { width, height, channels } = image_file::read_shape(&folder.join(first))?;
         let meta = Meta::new(views, [height, width], channels, options.colour.unwrap_or(ColourSpace::Srgb));
         meta.check().map_err(|e| malformed(folder, e.to_string()))?;
         Ok(Reader { folder: folder.to_path_buf(), names, meta })
@@ -51,8 +56,8 @@ impl ViewSource for Reader {
     }
 
     fn read(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {
-        super::check_place(&self.meta, v, u)?;
-        image_file::read_expecting(&self.folder.join(&self.names[v * self.meta.views[1] + u]), &self.meta)
+        self.meta.check_place(v, u)?;
+        image_file::read_view(&self.folder.join(&self.names[v * self.meta.views[1] + u]), &self.meta)
     }
 }
 

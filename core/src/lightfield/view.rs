@@ -5,8 +5,8 @@ use std::marker::PhantomData;
 
 use ndarray::Array3;
 
+use super::colour::{self, ColourSpace};
 use super::encode::encode_srgb;
-use super::{ColourSpace, colour};
 
 mod sealed {
     pub trait Sealed {}

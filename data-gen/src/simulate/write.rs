@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use lenslet_core::container;
-use lenslet_core::lightfield::{self, ColourSpace, Format, Meta, colour};
+use lenslet_core::lightfield::{self, ColourSpace, Format, Meta, ViewOrigin, colour};
 use lenslet_core::output::Pending;
 use lenslet_core::progress::Observer;
 use ndarray::Array2;
@@ -98,7 +98,7 @@ pub fn write(
 
     let n = truth.views;
     let mut meta = Meta::new([n, n], [size.1, size.0], 3, ColourSpace::Srgb);
-    meta.method = Some("truth".to_owned());
+    meta.method = Some(ViewOrigin::Truth);
     meta.provenance.push(json!({
         "tool": "lenslet simulate", "version": env!("CARGO_PKG_VERSION"), "scene": scene.name, "seed": options.seed,
     }));

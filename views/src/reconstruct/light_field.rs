@@ -60,8 +60,11 @@ pub fn reconstruct_light_field(
     let meta: &Meta = source.meta();
     let [rows, columns] = meta.views;
     let size = enlargement.size(meta.size);
-    let base =
-        if meta.method.as_deref() == Some("multiview") { Interpolation::Multiview } else { Interpolation::Barycentric };
+    let base = if meta.method == Some(Interpolation::Multiview.into()) {
+        Interpolation::Multiview
+    } else {
+        Interpolation::Barycentric
+    };
     let consistent = match samples {
         Some((samples, noise)) => {
             ensure_shape!(

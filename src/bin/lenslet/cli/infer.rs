@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use lenslet_core::decode::{HexSamples, npz};
 use lenslet_core::dictionary::{Footprint, Interpolation};
-use lenslet_core::lightfield::{self, ColourSpace, Meta, ReadOptions};
+use lenslet_core::lightfield::{self, ColourSpace, Meta, ReadOptions, ViewOrigin};
 use lenslet_core::progress::Observer;
 use lenslet_views::reconstruct::{self, Enlargement, Mode, Options, Reconstructor};
 use serde_json::json;
@@ -124,19 +124,20 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     meta.size = enlargement.size(meta.size);
     meta.pitch = Some(pitch);
     meta.colour = args.written.colour();
-    meta.method = Some("learned".into());
+    meta.method = Some(ViewOrigin::Learned);
     let input = args.input.file_name().map(|n| n.to_string_lossy().into_owned());
     meta.provenance.push(json!({
         "tool": "lenslet", "version": env!("CARGO_PKG_VERSION"), "command": "infer", "input": input,
         "dictionary": name.file_name().map(|n| n.to_string_lossy().into_owned()),
         "mode": format!("{mode:?}").to_lowercase(), "footprint": model.footprint, "scale": scale,
     }));
-    let samples =
-        if scale == 1.0 && matches!(source.meta().method.as_deref(), Some("barycentric" | "cubic" | "multiview")) {
-            measured(args)?
-        } else {
-            None
-        };
+    let samples = if scale == 1.0
+        && matches!(source.meta().method, Some(ViewOrigin::Interpolated(i)) if i != Interpolation::Bicubic)
+    {
+        measured(args)?
+    } else {
+        None
+    };
     let format = args.written.format();
     let mut sink = lightfield::create(&args.written.out, meta.clone(), format, args.written.force)?;
     let began = std::time::Instant::now();
@@ -166,7 +167,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
 
 /// The dictionary inside the program for a light field that says how its views were made.
 fn own(meta: &Meta) -> &'static str {
-    let refined = meta.method.as_deref() == Some(Interpolation::Multiview.name());
+    let refined = meta.method == Some(Interpolation::Multiview.into());
     reconstruct::name_for(if refined { Interpolation::Multiview } else { Interpolation::Barycentric })
 }
 

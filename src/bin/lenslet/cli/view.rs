@@ -76,7 +76,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
             relief = Some((found.disparity, order));
         }
         sets.push(viewer::shrink_views(
-            &field.meta.method.clone().unwrap_or_else(|| name(path)),
+            &field.meta.method.clone().map_or_else(|| name(path), String::from),
             &field.data.view(),
             side,
         ));

@@ -1,12 +1,12 @@
 //! Work handed to the rayon pool with a bound on how much of it waits, so that encoding and writing overlap decoding.
 //!
-//! Never waits while the caller could do the work itself: a full queue makes [`Queue::submit`] run the job at once,
-//! and [`Queue::wait`] works on the pool's jobs when it stands on a pool thread, so one thread is enough for everything.
+//! Never waits while the caller could do the work itself: a full queue makes [`WriteQueue::submit`] run the job at once,
+//! and [`WriteQueue::wait`] works on the pool's jobs when it stands on a pool thread, so one thread is enough for everything.
 
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::Duration;
 
-use super::Error;
+use super::error::Error;
 
 #[derive(Default)]
 struct State {
@@ -15,15 +15,15 @@ struct State {
 }
 
 /// A bounded queue of jobs that can fail; the first failure is kept.
-pub(super) struct Queue {
+pub(super) struct WriteQueue {
     shared: Arc<(Mutex<State>, Condvar)>,
     bound: usize,
 }
 
-impl Queue {
+impl WriteQueue {
     /// At most two jobs a thread wait at any time.
     pub(super) fn new() -> Self {
-        Queue { shared: Arc::default(), bound: 2 * rayon::current_num_threads() }
+        WriteQueue { shared: Arc::default(), bound: 2 * rayon::current_num_threads() }
     }
 
     /// Runs the job now or later; tells of an earlier job's failure.
@@ -94,7 +94,7 @@ mod tests {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let count = Arc::new(AtomicUsize::new(0));
             pool.install(|| {
-                let queue = Queue::new();
+                let queue = WriteQueue::new();
                 for _ in 0..50 {
                     let count = Arc::clone(&count);
                     queue
@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn a_failure_is_told() {
-        let queue = Queue::new();
+        let queue = WriteQueue::new();
         queue.submit(|| Err(Error::Parameter("no".into()))).unwrap();
         assert!(matches!(queue.wait(), Err(Error::Parameter(_))));
     }

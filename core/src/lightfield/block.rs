@@ -6,37 +6,39 @@ use std::path::{Path, PathBuf};
 
 use ndarray::Array3;
 
-use super::number::Number;
-use super::{Error, Meta, ViewSource, io_at, unsupported};
+use super::error::{Error, io_at, unsupported};
+use super::meta::Meta;
+use super::sample::SampleFormat;
+use super::view_io::{ViewSource, check_finite};
 
 /// Largest block held in memory, bytes.
 const MAX_BLOCK: u64 = 4 << 30;
 
 /// Where the value (v, u, t, s, c) stands, in numbers from the start, and what the numbers are.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Layout {
+pub(super) struct BlockLayout {
     /// Steps along v, u, t, s and c.
     pub(super) strides: [usize; 5],
     /// The stored number.
-    pub(super) number: Number,
+    pub(super) number: SampleFormat,
     /// The stored value of 1.0.
     pub(super) scale: f32,
 }
 
 /// A block of numbers read as views.
-pub(super) struct Strided {
+pub(super) struct SampleBlock {
     bytes: Vec<u8>,
-    layout: Layout,
+    layout: BlockLayout,
 }
 
-impl Strided {
+impl SampleBlock {
     /// Takes numbers already in memory.
-    pub(super) fn new(bytes: Vec<u8>, layout: Layout) -> Self {
-        Strided { bytes, layout }
+    pub(super) fn new(bytes: Vec<u8>, layout: BlockLayout) -> Self {
+        SampleBlock { bytes, layout }
     }
 
     /// Reads `count` numbers from `start` of a file; the caller has compared them with its length.
-    pub(super) fn read(path: &Path, start: u64, count: u64, layout: Layout) -> Result<Self, Error> {
+    pub(super) fn read(path: &Path, start: u64, count: u64, layout: BlockLayout) -> Result<Self, Error> {
         let length = count * layout.number.kind.bytes() as u64;
         if length > MAX_BLOCK {
             let reason = format!(
@@ -50,12 +52,12 @@ impl Strided {
         file.seek(SeekFrom::Start(start)).map_err(io_at(path))?;
         let mut bytes = vec![0; length as usize];
         file.read_exact(&mut bytes).map_err(io_at(path))?;
-        Ok(Strided { bytes, layout })
+        Ok(SampleBlock { bytes, layout })
     }
 
     /// View (v, u) of shape (t, s, c); places outside of the block read as 0.
     pub(super) fn view(&self, v: usize, u: usize, shape: (usize, usize, usize)) -> Array3<f32> {
-        let Layout { strides, number, scale } = self.layout;
+        let BlockLayout { strides, number, scale } = self.layout;
         let width = number.kind.bytes();
         let origin = v * strides[0] + u * strides[1];
         Array3::from_shape_fn(shape, |(t, s, c)| {
@@ -66,26 +68,26 @@ impl Strided {
 }
 
 /// A light field that is one block in memory.
-pub(super) struct Whole {
+pub(super) struct BlockViews {
     path: PathBuf,
     meta: Meta,
-    block: Strided,
+    block: SampleBlock,
 }
 
-impl Whole {
+impl BlockViews {
     /// A light field of the file `path`; `block` holds what `meta` says.
-    pub(super) fn new(path: &Path, meta: Meta, block: Strided) -> Self {
-        Whole { path: path.to_path_buf(), meta, block }
+    pub(super) fn new(path: &Path, meta: Meta, block: SampleBlock) -> Self {
+        BlockViews { path: path.to_path_buf(), meta, block }
     }
 }
 
-impl ViewSource for Whole {
+impl ViewSource for BlockViews {
     fn meta(&self) -> &Meta {
         &self.meta
     }
 
     fn read(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {
-        super::check_place(&self.meta, v, u)?;
-        super::finite(&self.path, v, u, self.block.view(v, u, self.meta.view_shape()))
+        self.meta.check_place(v, u)?;
+        check_finite(&self.path, v, u, self.block.view(v, u, self.meta.view_shape()))
     }
 }

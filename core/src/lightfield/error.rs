@@ -1,0 +1,51 @@
+//! What goes wrong with light fields on disk, by whose fault it is.
+
+use std::path::Path;
+
+/// What goes wrong with light fields on disk.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// Reading or writing failed.
+    #[error("{path}: {source}")]
+    Io {
+        /// Which file.
+        path: String,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file is not what it should be.
+    #[error("{path}: {reason}")]
+    Malformed {
+        /// Which file.
+        path: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A valid file of a kind that is not supported.
+    #[error("{path}: {reason}")]
+    Unsupported {
+        /// Which file.
+        path: String,
+        /// What is not supported.
+        reason: String,
+    },
+    /// The caller asked for something impossible.
+    #[error("{0}")]
+    Parameter(String),
+    /// The output exists already or cannot be put in place.
+    #[error(transparent)]
+    Output(#[from] crate::output::Error),
+}
+
+pub(super) fn io_at(path: &Path) -> impl FnOnce(std::io::Error) -> Error + '_ {
+    move |source| Error::Io { path: path.display().to_string(), source }
+}
+
+pub(super) fn malformed(path: &Path, reason: impl Into<String>) -> Error {
+    Error::Malformed { path: path.display().to_string(), reason: reason.into() }
+}
+
+pub(super) fn unsupported(path: &Path, reason: impl Into<String>) -> Error {
+    Error::Unsupported { path: path.display().to_string(), reason: reason.into() }
+}

@@ -1,0 +1,82 @@
+//! The formats of light fields on disk.
+
+use std::fmt;
+use std::path::Path;
+use std::str::FromStr;
+
+use super::colour::ColourSpace;
+use super::error::Error;
+
+/// How a light field is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// `lightfield.json` and one 16-bit PNG a view.
+    Directory,
+    /// One .npy, f32, shape (v, u, t, s, c).
+    Npy,
+    /// One MATLAB file of level 5 with the variable `LF` (v, u, t, s, c), single, 0..1.
+    Mat,
+    /// One 16-bit PNG with the views interleaved, a lenslet's views side by side.
+    Eslf,
+}
+
+impl Format {
+    /// All of them.
+    pub const ALL: [Format; 4] = [Format::Directory, Format::Npy, Format::Mat, Format::Eslf];
+
+    /// Its name on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Format::Directory => "dir",
+            Format::Npy => "npy",
+            Format::Mat => "mat",
+            Format::Eslf => "eslf",
+        }
+    }
+
+    /// The format a file name asks for: by its ending, a directory when it has none that is known.
+    ///
+    /// ```
+    /// use lenslet_core::lightfield::Format;
+    /// use std::path::Path;
+    ///
+    /// assert_eq!(Format::of_name(Path::new("views.NPY")), Format::Npy);
+    /// assert_eq!(Format::of_name(Path::new("views.lf")), Format::Directory);
+    /// ```
+    pub fn of_name(path: &Path) -> Format {
+        match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
+            Some("npy") => Format::Npy,
+            Some("mat") => Format::Mat,
+            Some("png") => Format::Eslf,
+            _ => Format::Directory,
+        }
+    }
+}
+
+impl FromStr for Format {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self, Error> {
+        let text = if text == "directory" { "dir" } else { text };
+        let unknown = || Error::Parameter(format!("unknown light field format `{text}`: dir, npy, mat or eslf"));
+        Format::ALL.into_iter().find(|f| f.name() == text).ok_or_else(unknown)
+    }
+}
+
+impl fmt::Display for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// How to read what does not describe itself.
+#[derive(Debug, Clone, Default)]
+pub struct ReadOptions {
+    /// Views (rows, columns) of files that do not say so (ESLF and other lenslet images).
+    pub views: Option<[usize; 2]>,
+    /// Colour space of files that do not say so; sRGB when absent. Our own directory says so itself.
+    pub colour: Option<ColourSpace>,
+    /// [`load`](super::load) refuses a light field of more bytes than this (as f32); 0 stands for 8 GiB.
+    pub max_bytes: u64,
+}

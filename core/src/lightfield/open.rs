@@ -1,0 +1,136 @@
+//! Light fields opened, started and loaded, whatever their format.
+
+use std::path::Path;
+
+use ndarray::{Array5, s};
+
+use super::error::{Error, io_at};
+use super::field::LightField;
+use super::format::{Format, ReadOptions};
+use super::meta::Meta;
+use super::view_io::{ViewSink, ViewSource};
+use super::{directory, eslf, mat, npy, numbered, single};
+
+/// Bytes that [`load`] takes at most when its options say nothing.
+///
+/// Source: chosen.
+const MAX_BYTES: u64 = 8 << 30;
+
+/// Starts a light field of the given format; it appears at `path` when finished.
+///
+/// # Errors
+/// When `path` exists (without `force`) or cannot be written, or `meta` is out of range.
+pub fn create(path: &Path, meta: Meta, format: Format, force: bool) -> Result<Box<dyn ViewSink>, Error> {
+    meta.check()?;
+    Ok(match format {
+        Format::Directory => Box::new(directory::Writer::create(path, meta, force)?),
+        Format::Npy => Box::new(npy::Writer::create(path, meta, force)?),
+        Format::Mat => Box::new(mat::Writer::create(path, meta, force)?),
+        Format::Eslf => Box::new(eslf::Writer::create(path, meta, force)?),
+    })
+}
+
+/// Opens a light field: our directory, a folder of numbered pictures, a .npy of 2 to 5 dimensions, a MATLAB file, a
+/// lenslet picture (with `options.views`), or a single picture as a light field of one view.
+///
+/// # Errors
+/// When nothing readable is there, or its parts contradict each other.
+pub fn open(path: &Path, options: &ReadOptions) -> Result<Box<dyn ViewSource>, Error> {
+    let what = std::fs::metadata(path).map_err(io_at(path))?;
+    if what.is_dir() {
+        return Ok(if path.join(directory::DESCRIPTION).exists() {
+            Box::new(directory::Reader::open(path)?)
+        } else {
+            Box::new(numbered::Reader::open(path, options)?)
+        });
+    }
+    let head = read_head(path)?;
+    if head.starts_with(npy::MAGIC) {
+        return Ok(Box::new(npy::Reader::open(path, options)?));
+    }
+    mat::refuse_level_73(path, &head)?;
+    if head.starts_with(mat::MAGIC) {
+        return Ok(Box::new(mat::open(path, options)?));
+    }
+    Ok(match options.views {
+        Some(views) => Box::new(eslf::open(path, views, options)?),
+        None => Box::new(single::SinglePicture::open(path, options)?),
+    })
+}
+
+/// Reads a whole light field into memory.
+///
+/// # Errors
+/// As [`open`], and when it is larger than `options.max_bytes`.
+pub fn load(path: &Path, options: &ReadOptions) -> Result<LightField, Error> {
+    let source = open(path, options)?;
+    let meta = source.meta().clone();
+    let [rows, columns] = meta.views;
+    let (t, w, c) = meta.view_shape();
+    let limit = if options.max_bytes == 0 { MAX_BYTES } else { options.max_bytes };
+    let bytes = (rows * columns) as u64 * (t * w * c) as u64 * 4;
+    if bytes > limit {
+        let (mib, limit) = (bytes >> 20, limit >> 20);
+        let reason = format!("needs {mib} MiB in memory, more than the limit of {limit} MiB");
+        return Err(Error::Unsupported { path: path.display().to_string(), reason });
+    }
+    let mut data = Array5::zeros((rows, columns, t, w, c));
+    for v in 0..rows {
+        for u in 0..columns {
+            data.slice_mut(s![v, u, .., .., ..]).assign(&source.read(v, u)?);
+        }
+    }
+    Ok(LightField { meta, data })
+}
+
+/// The first bytes of a file, fewer when it is shorter.
+fn read_head(path: &Path) -> Result<Vec<u8>, Error> {
+    use std::io::Read;
+    let mut head = Vec::with_capacity(640);
+    let file = std::fs::File::open(path).map_err(io_at(path))?;
+    file.take(640).read_to_end(&mut head).map_err(io_at(path))?;
+    Ok(head)
+}
+
+impl LightField {
+    /// Reads a light field of any format (see [`open`]) whole into memory, at most 8 GiB.
+    ///
+    /// # Errors
+    /// As [`load`].
+    ///
+    /// ```
+    /// use lenslet_core::lightfield::{ColourSpace, LightField, Meta};
+    /// use ndarray::Array5;
+    ///
+    /// let folder = tempfile::tempdir()?;
+    /// let meta = Meta::new([2, 2], [4, 6], 1, ColourSpace::Linear);
+    /// let field = LightField { meta, data: Array5::from_elem((2, 2, 4, 6, 1), 0.2) };
+    /// for name in ["views.lf", "views.npy", "views.mat"] {
+    ///     field.save(folder.path().join(name))?;
+    ///     let back = LightField::open(folder.path().join(name))?;
+    ///     assert!((back.data[[1, 1, 3, 5, 0]] - 0.2).abs() < 1e-5);
+    /// }
+    /// assert!(field.save(folder.path().join("views.npy")).is_err()); // nothing is replaced
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn open(path: impl AsRef<Path>) -> Result<LightField, Error> {
+        load(path.as_ref(), &ReadOptions::default())
+    }
+
+    /// Writes the light field in the format that the ending asks for ([`Format::of_name`]): .npy, .mat, .png (ESLF), else
+    /// our directory.
+    ///
+    /// # Errors
+    /// When `path` exists or cannot be written, or `meta` is out of range or does not fit the data.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<(), Error> {
+        let path = path.as_ref();
+        let mut sink = create(path, self.meta.clone(), Format::of_name(path), false)?;
+        let (rows, columns, ..) = self.data.dim();
+        for v in 0..rows {
+            for u in 0..columns {
+                sink.write(v, u, &self.data.slice(s![v, u, .., .., ..]).to_owned())?;
+            }
+        }
+        sink.finish()
+    }
+}
