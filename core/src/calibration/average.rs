@@ -1,5 +1,5 @@
-//! Algorithm 1, "compute average white images": the mean of several captures beats down the sensor's noise.
-//! Values become light above the black level as a share of full scale.
+//! Algorithm 1, "compute average white images": the mean of n captures has √n times less noise than one.
+//! Values become light above the black level as a share of full scale, `(DN − black) / (white − black)`.
 
 use std::borrow::Borrow;
 
@@ -10,13 +10,15 @@ use super::error::Error;
 use super::sensor_image::SensorImage;
 use crate::container::Capture;
 
-/// Share of saturated pixels above which nothing is left to measure.
+/// Largest share of saturated pixels (0 to 1) of an image that can be calibrated.
+/// Source: chosen
 const MOST_SATURATED: f64 = 0.5;
-/// Mean light, as a share of full scale, under which a capture is called black.
+/// Mean light (share of full scale) below which an image counts as black.
+/// Source: chosen
 const LEAST_LIGHT: f64 = 0.004;
 
-/// Averages captures of one camera: `(DN − black) / (white − black)`, each colour with its own levels. `encode` is applied to
-/// each value before averaging (the paper's gamma; the default way keeps light linear and passes the identity).
+/// Averages captures of one camera, each colour with its own black and white level. `encode` is applied to each value before
+/// averaging: the paper's gamma, or the identity where light stays linear (the default).
 /// A pixel saturated in any capture is saturated in the average.
 ///
 /// # Errors
@@ -34,7 +36,7 @@ pub fn average_captures<C: Borrow<Capture>>(
     let mut saturated = 0u64;
     for capture in captures {
         let capture: &Capture = capture.borrow();
-        let tables = tables(capture, &encode);
+        let tables = light_tables(capture, &encode);
         let counts: Vec<u64> = data
             .par_chunks_mut(width)
             .zip(capture.mosaic.data.par_chunks(width))
@@ -78,11 +80,11 @@ pub fn average_captures<C: Borrow<Capture>>(
 }
 
 /// Light of each digital number at one place of the 2×2 tile; infinite from the white level on.
-struct Table {
+struct LightTable {
     values: Vec<f32>,
 }
 
-fn tables(capture: &Capture, encode: &impl Fn(f32) -> f32) -> [Table; 4] {
+fn light_tables(capture: &Capture, encode: &impl Fn(f32) -> f32) -> [LightTable; 4] {
     [0, 1, 2, 3].map(|k| {
         let plane = capture.cfa.plane(k & 1, k >> 1);
         let (black, white) = (capture.levels.black[plane], capture.levels.white[plane]);
@@ -94,6 +96,6 @@ fn tables(capture: &Capture, encode: &impl Fn(f32) -> f32) -> [Table; 4] {
                 if dn >= white { f32::INFINITY } else { encode(((dn - black) * scale).max(-0.1)) }
             })
             .collect();
-        Table { values }
+        LightTable { values }
     })
 }

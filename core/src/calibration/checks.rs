@@ -5,10 +5,11 @@ use std::borrow::Borrow;
 use super::error::Error;
 use crate::container::Capture;
 
-/// Smallest side of an image worth looking at, pixels.
+/// Smallest side of an image that can be calibrated, pixels.
+/// Source: chosen (a few lenslets of the largest pitch looked for)
 const SMALLEST: usize = 64;
 
-/// Whether captures can be calibrated together: of one camera and size, large enough, with levels that make sense.
+/// Refuses captures that cannot be calibrated together: of one camera and size, large enough, white level above black.
 ///
 /// # Errors
 /// The first capture that cannot.
@@ -22,7 +23,7 @@ pub fn check_same_camera<C: Borrow<Capture>>(captures: &[C]) -> Result<(), Error
     Ok(())
 }
 
-/// Refuses a capture too small, or whose numbers contradict each other; `index` counts from 1.
+/// Refuses a capture that is too small, or whose pixels or levels contradict each other; `index` counts from 1.
 ///
 /// # Errors
 /// [`Error::BadImage`].
@@ -44,7 +45,7 @@ pub fn check_capture(capture: &Capture, index: usize) -> Result<(), Error> {
     Ok(())
 }
 
-/// Refuses a capture (`index`, from 1) of another size or body than `first`.
+/// Refuses a capture (`index`, from 1) of another sensor size or serial number than `first`.
 ///
 /// # Errors
 /// [`Error::SizesDiffer`], [`Error::CamerasDiffer`].

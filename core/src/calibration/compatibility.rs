@@ -1,10 +1,28 @@
-//! Whether a calibration belongs to a capture: a lattice of another camera decodes to rubbish, so it is refused.
+//! Whether a calibration belongs to a capture: the lattice of another camera gives wrong views, so it is refused.
 
 use super::error::Error;
 use super::model::Calibration;
-use crate::container::Capture;
+use crate::container::{Capture, same_model};
 
-/// Refuses a calibration of another sensor size, model or body than the capture's, as far as both say.
+/// Refuses a calibration of another sensor size, serial number or model than the capture's. Serial number and model are compared
+/// only where both sides state them; models of one camera profile (`models` in its TOML file) count as the same.
+///
+/// ```
+/// # mod drawn { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/drawn.rs")); }
+/// # use drawn::*;
+/// # use lenslet_core::calibration::{CalibrationOptions, Error, calibrate, check_compatible};
+/// let mut capture = drawn_white();
+/// capture.camera.model = Some("ILLUM".into());
+/// let camera = calibrate(&[capture.clone()], &CalibrationOptions::default(), &lenslet_core::progress::Silent)?;
+/// check_compatible(&camera, &capture)?;
+///
+/// capture.camera.model = Some("B01".into()); // what an Illum's white images are called
+/// check_compatible(&camera, &capture)?;
+///
+/// capture.camera.model = Some("F01".into());
+/// assert!(matches!(check_compatible(&camera, &capture), Err(Error::WrongCamera(_))));
+/// # Ok::<(), Error>(())
+/// ```
 ///
 /// # Errors
 /// [`Error::WrongCamera`], with both sides named.
@@ -22,22 +40,29 @@ pub fn check_compatible(calibration: &Calibration, capture: &Capture) -> Result<
         return Err(Error::WrongCamera(format!("it is of camera {ours}, the capture of camera {theirs}")));
     }
     if let (Some(ours), Some(theirs)) = (&calibration.origin.model, &capture.camera.model)
-        && family(ours) != family(theirs)
+        && !same_model(ours, theirs)
     {
         return Err(Error::WrongCamera(format!("it is of a camera {ours}, the capture of a camera {theirs}")));
     }
     Ok(())
 }
 
-/// White images of an Illum call it B01.
-fn family(model: &str) -> String {
-    match model.trim().to_ascii_uppercase().as_str() {
-        "B01" => "ILLUM".into(),
-        other => other.into(),
-    }
-}
-
-/// What differs but does not forbid decoding: zoom and focus move the micro-images a little. One line each.
+/// Zoom and focus steps that differ between calibration and capture, a line each. They move the micro-images a little but do
+/// not forbid decoding.
+///
+/// ```
+/// # mod drawn { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/drawn.rs")); }
+/// # use drawn::*;
+/// # use lenslet_core::calibration::{CalibrationOptions, calibrate, lens_setting_differences};
+/// let mut capture = drawn_white();
+/// capture.camera.zoom_step = Some(600);
+/// let camera = calibrate(&[capture.clone()], &CalibrationOptions::default(), &lenslet_core::progress::Silent)?;
+/// assert!(lens_setting_differences(&camera, &capture).is_empty());
+///
+/// capture.camera.zoom_step = Some(900);
+/// assert!(lens_setting_differences(&camera, &capture)[0].contains("zoom step 600"));
+/// # Ok::<(), lenslet_core::calibration::Error>(())
+/// ```
 pub fn lens_setting_differences(calibration: &Calibration, capture: &Capture) -> Vec<String> {
     let mut lines = Vec::new();
     let pairs = [

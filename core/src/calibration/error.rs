@@ -1,6 +1,6 @@
-//! What goes wrong in calibration, by whose fault.
+//! What goes wrong in calibration, sorted by its cause: images, cameras, parameters, files.
 
-/// What goes wrong when a camera is calibrated or a calibration is read.
+/// What goes wrong when a camera is calibrated, or a calibration is read or written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -43,13 +43,13 @@ pub enum Error {
         /// Serial number of the first.
         expected: String,
     },
-    /// Too little light to see anything.
+    /// Too little light to find lenslets.
     #[error("the image is black (its mean is {percent:.2} % of full scale); give a brighter white image")]
     Black {
         /// Mean light, per cent of full scale.
         percent: f64,
     },
-    /// Too much light to see anything.
+    /// Too many saturated pixels to find lenslets.
     #[error("the image is saturated ({percent:.0} % of its pixels are at the white level); give a darker white image")]
     Saturated {
         /// Share of pixels at the white level, per cent.
@@ -69,15 +69,26 @@ pub enum Error {
         /// What was looked for and not found.
         reason: String,
     },
-    /// A calibration and a capture that do not belong together.
+    /// The calibration is of another camera than the capture: sensor size, serial number or model differ.
     #[error("the calibration does not fit this capture: {0}")]
     WrongCamera(String),
     /// A parameter out of range.
     #[error("{0}")]
     Parameter(String),
     /// The observer asked to stop.
-    #[error("interrupted")]
-    Interrupted,
+    #[error(transparent)]
+    Interrupted(#[from] crate::progress::Interrupted),
+    /// A capture that calibration begins from cannot be opened; the message names the file.
+    #[error(transparent)]
+    Capture(#[from] crate::container::Error),
+    /// What went wrong, and the file it concerns.
+    #[error("{}: {error}", path.display())]
+    InFile {
+        /// The capture concerned.
+        path: std::path::PathBuf,
+        /// What went wrong.
+        error: Box<Error>,
+    },
     /// Reading a file failed.
     #[error("cannot read {path}: {source}")]
     Read {
@@ -109,4 +120,29 @@ pub enum Error {
     /// Writing the file failed.
     #[error(transparent)]
     Output(#[from] crate::output::Error),
+}
+
+impl Error {
+    /// Which of the images the error concerns, counted from 0; `None` where it concerns all of them or none.
+    pub fn image_index(&self) -> Option<usize> {
+        match self {
+            Error::BadImage { index, .. }
+            | Error::SizesDiffer { index, .. }
+            | Error::CamerasDiffer { index, .. }
+            | Error::NotBlack { index } => index.checked_sub(1),
+            _ => None,
+        }
+    }
+
+    /// Adds the file the error concerns: that of the image it names, else the first; `paths` are those of the images, in order.
+    /// Interruption stays as it is.
+    #[must_use]
+    pub fn in_file_of(self, paths: &[std::path::PathBuf]) -> Error {
+        match paths.get(self.image_index().unwrap_or(0)) {
+            Some(path) if !matches!(self, Error::Interrupted(_)) => {
+                Error::InFile { path: path.clone(), error: Box::new(self) }
+            }
+            _ => self,
+        }
+    }
 }

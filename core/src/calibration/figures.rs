@@ -154,9 +154,9 @@ fn hue(angle: f64) -> [f64; 3] {
 /// The paper's figures 4, 5 and 6 as its own steps give them, by file name.
 pub fn steps(stages: &Algorithm1Stages, cfa: Cfa) -> Vec<(&'static str, Picture)> {
     let (w, h) = (stages.average.width, stages.average.height);
-    let show = |plane: &SensorImage| {
-        let top = bright(plane);
-        enlarged(w, h, |x, y| grey(plane.at(x, y) / top))
+    let show = |image: &SensorImage| {
+        let top = bright(image);
+        enlarged(w, h, |x, y| grey(image.at(x, y) / top))
     };
     let average = &stages.average;
     let top = bright(average);
@@ -197,10 +197,10 @@ pub fn steps(stages: &Algorithm1Stages, cfa: Cfa) -> Vec<(&'static str, Picture)
 }
 
 /// Near the brightest value of the middle of a plane.
-fn bright(plane: &SensorImage) -> f32 {
-    let (from, size) = part(plane.width, plane.height);
+fn bright(image: &SensorImage) -> f32 {
+    let (from, size) = part(image.width, image.height);
     let mut all: Vec<f32> =
-        (from[1]..from[1] + size[1]).flat_map(|y| plane.row(y)[from[0]..from[0] + size[0]].iter().copied()).collect();
+        (from[1]..from[1] + size[1]).flat_map(|y| image.row(y)[from[0]..from[0] + size[0]].iter().copied()).collect();
     all.sort_by(f32::total_cmp);
     all[all.len() * 199 / 200].max(1e-6)
 }

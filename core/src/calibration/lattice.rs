@@ -2,7 +2,7 @@
 
 use super::model::Lattice;
 
-/// The same lattice with (0, 0) at the lenslet nearest the sensor's middle.
+/// The same lattice with (0, 0) at the lenslet nearest the sensor's centre.
 pub fn centred(lattice: Lattice, width: usize, height: usize) -> Lattice {
     let middle = [(width as f64 - 1.0) / 2.0, (height as f64 - 1.0) / 2.0];
     let [i, j] = lattice.coordinates(middle[0], middle[1]).map(f64::round);

@@ -1,5 +1,5 @@
-//! The default way from an equalised image to centres: spectrum → phases → profile → centres → lattice → shrinkage, all on the
-//! unrotated mosaic. Coordinates are transformed, never pixels.
+//! The default way from an equalised image to centres: spectrum → phases → three rounds of (profile → centres → lattice →
+//! illumination) → shrinkage, all on the unrotated mosaic. Coordinates are transformed, never pixels.
 
 use super::centres::lattice_fit;
 use super::centres::measure::measure_lenslets;
@@ -17,16 +17,20 @@ use super::smoothing::shrink::{self, ShrunkCentres};
 use crate::container::MlaHint;
 use crate::progress::Observer;
 
-/// Window radius in pitches: wide enough to use the light, clear of the neighbours' micro-images.
+/// Radius of the measuring window in distances of neighbours; below 0.5, so that it stays clear of their micro-images.
+/// Source: chosen
 const REACH: f64 = 0.45;
-/// Micro-images flatter than this from centre to rim are none.
+/// Least contrast of micro-images from centre to rim (0 to 1); flatter ones are rejected.
+/// Source: chosen
 const LEAST_CONTRAST: f64 = 0.03;
-/// Pixels nearer the model than this share of the light are never left out.
+/// Lower bound of the clipping threshold for pixels, as a share of the lenslet's light.
+/// Source: chosen
 const LEAST_CLIP: f64 = 0.1;
-/// Share of lenslets that must be measurable.
+/// Least share of lenslets that must be measurable.
+/// Source: chosen
 const LEAST_USABLE: f64 = 0.3;
 
-/// Everything learnt about a white image.
+/// The lenslets of an image, and the estimates they came from.
 #[derive(Debug, Clone)]
 pub struct LocatedLenslets {
     /// The regular lattice.
@@ -35,65 +39,65 @@ pub struct LocatedLenslets {
     pub lenslets: Vec<Lenslet>,
     /// Common micro-image profile.
     pub profile: MicroImageProfile,
-    /// Broad light.
+    /// Illumination by the main lens.
     pub illumination: Illumination,
-    /// How the centres were weighed.
+    /// The shrunk centres and their variances.
     pub shrunk: ShrunkCentres,
-    /// Agreement of the pattern's phases over the sensor, 0..1.
+    /// Coherence of the pattern's phases over the sensor, 0 to 1.
     pub coherence: f64,
     /// Prominence of the weakest spectral peak used.
     pub prominence: f64,
 }
 
-/// Finds the lattice and every lenslet of an equalised image. `hint` is a first guess of the lattice; the `hot_pixels` (ascending, on the
-/// plane) are not measured, and marked as saturated afterwards.
+/// Finds the lattice and every lenslet of an equalised image. `prior_lattice` is what metadata say of the lattice. The `hot` pixels
+/// (`y·width + x`, ascending) are not measured; they are marked as saturated in `image`.
 ///
 /// # Errors
 /// [`Error::NoPattern`], and [`Error::Interrupted`] when the observer asks to stop.
 pub fn locate_lenslets(
-    plane: &mut SensorImage,
-    hint: Option<&MlaHint>,
+    image: &mut SensorImage,
+    prior_lattice: Option<&MlaHint>,
     hot: &[u32],
     observer: &dyn Observer,
 ) -> Result<LocatedLenslets, Error> {
-    let (width, height) = (plane.width, plane.height);
+    let (width, height) = (image.width, image.height);
     let stage = |name: &str| {
         observer.begin(name, 0);
-        if observer.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
+        observer.check()
     };
     stage("spectrum")?;
-    let spectrum = spectrum::power_spectrum(plane);
+    let spectrum = spectrum::power_spectrum(image);
     stage("phases")?;
-    let (start, locked) = prior::fit_with_prior(plane, &spectrum, hint)?;
-    hot_pixels::mask_hot_pixels(plane, hot);
+    let (start, locked) = prior::fit_with_prior(image, &spectrum, prior_lattice)?;
+    hot_pixels::mask_hot_pixels(image, hot);
     stage("centres, first")?;
     let mut grid = locked.lattice;
     let radius = REACH * neighbour_distance(&grid);
 
     let first = measure_lenslets(
-        plane,
+        image,
         &MicroImageProfile::paraboloid(radius),
-        &predict_lenslets(&grid, plane, None),
+        &predict_lenslets(&grid, image, None),
         f64::INFINITY,
     );
     grid = lattice_fit::fit_lattice(&grid, &first);
     let mut illumination = Illumination::new(&first, width, height, grid.pitch());
     stage("centres, second")?;
 
-    let places = predict_lenslets(&grid, plane, Some(&illumination));
-    let mut profile = fit_micro_image(plane, &places, radius)?;
-    let second = measure_lenslets(plane, &profile, &places, f64::INFINITY);
+    let sites = predict_lenslets(&grid, image, Some(&illumination));
+    let mut profile = fit_micro_image(image, &sites, radius)?;
+    let second = measure_lenslets(image, &profile, &sites, f64::INFINITY);
     grid = lattice_fit::fit_lattice(&grid, &second);
     illumination = Illumination::new(&second, width, height, grid.pitch());
     stage("centres, third")?;
 
-    // Now about the places found, each with its own brightness, and without pixels that do not fit.
+    // The third round starts at the measured centres, each with its own brightness, and leaves out pixels that do not fit.
     let typical = measured::typical_misfit(&second);
     let clip = (6.0 * typical).max(LEAST_CLIP);
-    let mut places = predict_lenslets(&grid, plane, Some(&illumination));
-    move_to_measured(&mut places, &second, 0.2 * radius, typical);
-    profile = fit_micro_image(plane, &places, radius)?;
-    let third = measure_lenslets(plane, &profile, &places, clip);
+    let mut sites = predict_lenslets(&grid, image, Some(&illumination));
+    move_to_measured(&mut sites, &second, 0.2 * radius, typical);
+    profile = fit_micro_image(image, &sites, radius)?;
+    let third = measure_lenslets(image, &profile, &sites, clip);
     grid = lattice::centred(lattice_fit::fit_lattice(&grid, &third), width, height);
     let usable = third.iter().filter(|m| m.usable).count() as f64 / third.len().max(1) as f64;
     if usable < LEAST_USABLE {
@@ -116,7 +120,7 @@ pub fn locate_lenslets(
     })
 }
 
-/// Distance to the nearest neighbour.
+/// Distance to the nearest neighbour, pixels.
 fn neighbour_distance(lattice: &Lattice) -> f64 {
     let (a, b) = (lattice.a, lattice.b);
     let length = |v: [f64; 2]| v[0].hypot(v[1]);
@@ -129,10 +133,10 @@ fn neighbour_distance(lattice: &Lattice) -> f64 {
 
 fn predict_lenslets(
     lattice: &Lattice,
-    plane: &SensorImage,
+    image: &SensorImage,
     illumination: Option<&Illumination>,
 ) -> Vec<PredictedLenslet> {
-    lattice::indices(lattice, plane.width, plane.height, 1.0)
+    lattice::indices(lattice, image.width, image.height, 1.0)
         .into_iter()
         .map(|[i, j]| {
             let [x, y] = lattice.centre(i, j);
@@ -143,11 +147,11 @@ fn predict_lenslets(
         .collect()
 }
 
-/// Moves the sites to where their lenslets were seen, if that is near and nothing seems to lie on them. Both lists are in
-/// (j, i) order and differ at the rim only.
-fn move_to_measured(places: &mut [PredictedLenslet], seen: &[MeasuredLenslet], near: f64, typical: f64) {
+/// Moves predictions to the measured centres that are within `near` pixels and fit as well as is typical. Both lists are in
+/// (j, i) order and differ at the border only.
+fn move_to_measured(sites: &mut [PredictedLenslet], seen: &[MeasuredLenslet], near: f64, typical: f64) {
     let mut seen = seen.iter().peekable();
-    for site in places {
+    for site in sites {
         let key = (site.j, site.i);
         while seen.next_if(|m| (m.j, m.i) < key).is_some() {}
         if let Some(m) = seen.next_if(|m| (m.j, m.i) == key)
@@ -156,7 +160,7 @@ fn move_to_measured(places: &mut [PredictedLenslet], seen: &[MeasuredLenslet], n
             && (m.x - site.x).hypot(m.y - site.y) < near
         {
             (site.x, site.y) = (m.x, m.y);
-            // Its own brightness, unless something lies on it.
+            // The lenslet's own brightness, unless dust or a reflection changes it fivefold.
             if (0.2..5.0).contains(&(m.gain / site.gain)) {
                 site.gain = m.gain;
             }
@@ -164,9 +168,9 @@ fn move_to_measured(places: &mut [PredictedLenslet], seen: &[MeasuredLenslet], n
     }
 }
 
-fn fit_micro_image(plane: &SensorImage, places: &[PredictedLenslet], radius: f64) -> Result<MicroImageProfile, Error> {
-    let profile = profile::fit_profile(plane, places, radius)
-        .ok_or_else(|| Error::NoPattern { reason: "the micro-images have no light in their middles".into() })?;
+fn fit_micro_image(image: &SensorImage, sites: &[PredictedLenslet], radius: f64) -> Result<MicroImageProfile, Error> {
+    let profile = profile::fit_profile(image, sites, radius)
+        .ok_or_else(|| Error::NoPattern { reason: "the micro-images have no light at their centres".into() })?;
     if profile.contrast() < LEAST_CONTRAST {
         return Err(Error::NoPattern {
             reason: format!("the micro-images have only {:.1} % contrast", 100.0 * profile.contrast()),
@@ -177,7 +181,7 @@ fn fit_micro_image(plane: &SensorImage, places: &[PredictedLenslet], radius: f64
 
 /// MeasuredLenslet lenslets with the indices they have in `lattice`, whose (0, 0) may have moved by a lenslet.
 fn reindex_lenslets(lattice: &Lattice, mut measured: Vec<MeasuredLenslet>) -> Vec<MeasuredLenslet> {
-    // All move together: the commonest shift is the shift.
+    // All indices shift alike, so the first usable lenslet gives the shift.
     let shift = measured.iter().find(|m| m.usable).map_or([0, 0], |m| {
         let c = lattice.coordinates(m.x, m.y);
         [c[0].round() as i32 - m.i, c[1].round() as i32 - m.j]
@@ -189,7 +193,7 @@ fn reindex_lenslets(lattice: &Lattice, mut measured: Vec<MeasuredLenslet>) -> Ve
     measured
 }
 
-/// Lenslets with their centre on the sensor, by (j, i).
+/// The shrunk lenslets whose centre lies on the sensor of `width`×`height` pixels, by (j, i).
 pub fn lenslets_on_sensor(
     measured: &[MeasuredLenslet],
     shrunk: &ShrunkCentres,

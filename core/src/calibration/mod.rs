@@ -1,14 +1,37 @@
-//! Algorithm 1 of the paper (section 3.2): from white images to the centre of every lenslet.
+//! Calibration: from white images to the centre of every lenslet (Algorithm 1 of the paper, section 3.2).
 //!
-//! Steps, a file each: `gamma`, `average` (several whites), `equalise` (demosaic by equal channels, grey), `stretch`; `spectrum` and
-//! `rotation` (the lattice in the frequency domain), `turn`; `erosion`, `maxima`, `paraboloid`, `triangulation`; `lattice` (the
-//! regular grid). `paper` runs them as the paper does. `refine`, the default, keeps the image as it is and goes from the
-//! spectrum to `phase` (the lattice over the whole sensor), `profile` and `measure` (sub-pixel centres with their variance),
-//! `field` (broad light) and `shrink` (each centre as far as the image is sure of it). `captures` does without white images,
-//! `vignetting` keeps the pattern, `file` the model on disk, `fits` tells whether a capture is this camera's. `usable` passes over bad
-//! images, `hot` finds hot pixels in black ones, `guess` begins from what metadata say of the lattice.
+//! ```text
+//! files ─ calibrator ─► captures ─ screening ─► average ─ photometric::{hot_pixels, equalise} ─► grey sensor image
+//!                                 (without white images: captures::{flatten, pattern})                  │
+//!   locate                                                                                              ▼
+//!   ├─ fundamentals::{spectrum, rotation, prior, phase}   the lattice in the frequency domain, over the whole sensor
+//!   ├─ centres::{profile, measure, lattice_fit}           sub-pixel centres with their variance, and the lattice through them
+//!   └─ smoothing::{illumination, shrink}                  light of the main lens; centres shrunk towards the lattice
+//!                                                                                                       │
+//!   photometric::vignetting ─► white image      (without white images: captures::agreement)             ▼
+//!                                                              Calibration ─ file::{v1, v2} ─► .calib
+//! ```
+//! `pipeline` runs these steps. `paper` is Algorithm 1 as printed, for comparison: it rotates and erodes the image, which the
+//! default does not. `compatibility` decides whether a capture is of the calibrated camera.
+//!
+//! ```
+//! # mod drawn { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/drawn.rs")); }
+//! # use drawn::*;
+//! use lenslet_core::calibration::{CalibrationOptions, calibrate};
+//! use lenslet_core::progress::Silent;
+//!
+//! let white = drawn_white(); // 160x128 pixels, hexagonal, pitch 10 pixels
+//! let camera = calibrate(&[white], &CalibrationOptions::default(), &Silent)?;
+//! assert!((camera.lattice.pitch() - 10.0).abs() < 0.01 && camera.lattice.rotation().abs() < 0.001);
+//!
+//! let [x, y] = camera.lattice.centre(0, 0); // the lenslet nearest the sensor's centre
+//! let nearest = camera.centres().map(|[cx, cy]| (cx - x).hypot(cy - y)).fold(f64::INFINITY, f64::min);
+//! assert!(nearest < 0.05, "measured centres lie on the lattice");
+//! # Ok::<(), lenslet_core::calibration::Error>(())
+//! ```
 
 mod average;
+mod calibrator;
 mod captures;
 mod centres;
 mod checks;
@@ -31,6 +54,7 @@ mod smoothing;
 #[cfg(test)]
 mod tests;
 
+pub use calibrator::{Calibrator, open_captures};
 pub use compatibility::{check_compatible, lens_setting_differences};
 pub use error::Error;
 pub use file::{load, save};

@@ -78,29 +78,27 @@ pub struct Lenslet {
     pub x: f64,
     /// Centre y (pixels).
     pub y: f64,
-    /// How much the image itself decided the centre: 0 = lattice prediction only, 1 = measurement only.
+    /// Weight of the measurement in the centre: 0 = lattice prediction only, 1 = measurement only.
     pub trust: f32,
 }
 
-/// Smooth brightness of the white image over the sensor plus the mean profile of a micro-image, both
-/// normalised so that a lenslet centre is 1; see `decode` for its use.
+/// The white image that decoding divides by, normalised so that a lenslet centre under full illumination is 1.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Vignetting {
     /// Width of `white`.
     pub width: usize,
     /// Height of `white`.
     pub height: usize,
-    /// The white image after black level and per-colour response, 1.0 at lenslet centres where the light is full;
-    /// `width·height` values, stored as u16 = value·32768.
+    /// Light after black level and response of each colour, `width·height` values, row-major, as u16 = value·32768.
     pub white: Vec<u16>,
 }
 
-/// How good the calibration is.
+/// Quality figures of a calibration.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct CalibrationQuality {
     /// RMS distance of measured centres from the lattice, pixels.
     pub residual_rms: f64,
-    /// Scatter of the lenslets themselves about the lattice, an axis, pixels (measurement noise taken off).
+    /// Scatter of the lenslets themselves about the lattice (measurement noise subtracted), an axis, pixels.
     #[serde(default)]
     pub scatter: f64,
     /// Typical standard deviation of one measured centre, an axis, pixels.
@@ -108,22 +106,24 @@ pub struct CalibrationQuality {
     pub noise: f64,
     /// Share of lenslets whose measurement was rejected.
     pub rejected: f64,
-    /// 0 to 1: how far the pattern's frequency peak stands above the rest, times the share accepted.
+    /// Confidence, 0 to 1: coherence of the pattern's phases, times 1 − 1/√(prominence of its spectral peaks), times the share of
+    /// lenslets accepted.
     pub confidence: f64,
 }
 
 impl CalibrationQuality {
-    /// 0 to 1: a pattern that agrees with itself over the sensor, stands out of the spectrum, and whose lenslets could be measured.
+    /// Confidence, 0 to 1, of the coherence of the phases (0 to 1), the prominence of the spectral peaks, and the share of
+    /// lenslets accepted.
     pub(super) fn confidence_of(coherence: f64, prominence: f64, accepted: f64) -> f64 {
         let peak = 1.0 - 1.0 / prominence.max(1.0).sqrt();
         (coherence * peak * accepted).clamp(0.0, 1.0)
     }
 }
 
-/// Where a calibration came from.
+/// What a calibration was made from.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct CalibrationOrigin {
-    /// How it was made: `white`, `captures`, and the variant.
+    /// How it was made: `white` or `captures`, followed by the variant in brackets unless it is the default.
     pub method: String,
     /// Camera model, if known.
     pub model: Option<String>,
@@ -152,8 +152,15 @@ pub struct Calibration {
     pub quality: CalibrationQuality,
     /// White image for vignetting, if known.
     pub vignetting: Option<Vignetting>,
-    /// Pixels that are bright without light, as black images showed them: `y·width + x`, ascending.
+    /// Hot pixels, bright without light in black images: `y·width + x`, ascending.
     pub hot_pixels: Vec<u32>,
     /// Provenance.
     pub origin: CalibrationOrigin,
+}
+
+impl Calibration {
+    /// Lenslet centres (x, y) in sensor pixels (x right, y down, pixel centres at integers), sorted by (j, i).
+    pub fn centres(&self) -> impl ExactSizeIterator<Item = [f64; 2]> {
+        self.lenslets.iter().map(|l| [l.x, l.y])
+    }
 }

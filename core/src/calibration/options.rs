@@ -1,19 +1,26 @@
-//! How a camera is calibrated: which centres, which pixels to leave out. Variants are for comparison (paper section 5: results
-//! without calibration, without sub-pixel precision).
+//! Options of a calibration. Variants of the centres are for comparison (paper section 5: results without calibration, without
+//! sub-pixel precision).
 
 /// How centres are found.
+///
+/// ```
+/// use lenslet_core::calibration::CalibrationVariant;
+///
+/// assert_eq!("rotation-only".parse(), Ok(CalibrationVariant::RotationOnly));
+/// assert_eq!(CalibrationVariant::default().name(), "full");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum CalibrationVariant {
-    /// The whole way on the unrotated mosaic.
+    /// All steps, on the unrotated mosaic.
     #[default]
     Full,
-    /// The paper's Algorithm 1 as written: gamma, rotated image, erosion, local maxima, paraboloids.
+    /// The paper's Algorithm 1 as printed: gamma, rotated image, erosion, local maxima, paraboloids.
     Paper,
-    /// The default's centres rounded to whole pixels (no sub-pixel step).
+    /// The default's centres rounded to whole pixels.
     Integer,
-    /// An ideal grid of the pitch and rotation found, no row stretch, no lenslet of its own.
+    /// An ideal grid of the measured pitch and rotation: no row stretch, no residuals.
     RotationOnly,
-    /// A fixed ideal grid of a whole number of pixels' pitch, not rotated (no calibration).
+    /// An ideal grid whose pitch is a whole number of pixels, not rotated (no calibration).
     None,
 }
 
@@ -56,16 +63,16 @@ impl std::str::FromStr for CalibrationVariant {
     }
 }
 
-/// How a camera is calibrated.
+/// How a camera is calibrated; the defaults are [`CalibrationVariant::Full`], with vignetting, no hot pixels, no names.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct CalibrationOptions {
-    /// Which centres to give.
+    /// Which centres the calibration holds.
     pub variant: CalibrationVariant,
-    /// Leave out the vignetting pattern (centres only; quicker).
+    /// Leave out the vignetting pattern (centres only; takes less time).
     pub without_vignetting: bool,
     /// Pixels to leave out, as [`find_hot_pixels`](crate::calibration::find_hot_pixels) finds them in black images: `y·width + x`, ascending, at most one in a hundred.
     pub hot_pixels: Vec<u32>,
-    /// What notes call the images, in their order; those without a name are called by their number.
+    /// Names of the images in notes, in their order; images without a name are called `image 1`, `image 2` …
     pub names: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! The whole way from captures to a calibration: from white images, or from ordinary captures.
+//! The pipeline from captures to a calibration: white images (Algorithm 1 of the paper, section 3.2), or ordinary captures.
 
 use super::average;
 use super::captures::{agreement, pattern};
@@ -12,11 +12,26 @@ use super::screening;
 use crate::container::Capture;
 use crate::progress::Observer;
 
-/// Calibrates a camera from one or several white images (captures of an evenly lit white surface). Where there are several,
-/// those that are of no use (black, saturated, damaged, of another camera than most) are left out, with a note.
+/// Calibrates a camera from one or several white images (captures of an evenly lit white surface). Of several, those that cannot
+/// be used (black, saturated, damaged, of another camera than most) are left out with a note to the observer.
+///
+/// ```
+/// # mod drawn { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/drawn.rs")); }
+/// # use drawn::*;
+/// use lenslet_core::calibration::{CalibrationOptions, CalibrationVariant, calibrate};
+/// use lenslet_core::progress::Silent;
+///
+/// let options = CalibrationOptions { variant: CalibrationVariant::None, ..CalibrationOptions::default() };
+/// let camera = calibrate(&[drawn_white()], &options, &Silent)?;
+/// assert_eq!(camera.origin.method, "white (none)");
+/// assert_eq!((camera.lattice.pitch(), camera.lattice.rotation()), (10.0, 0.0));
+/// # Ok::<(), lenslet_core::calibration::Error>(())
+/// ```
 ///
 /// # Errors
-/// No usable image, images of two cameras and none of them with most, no lenslet pattern; [`Error::Interrupted`].
+/// [`Error::NoImages`]; the error of the first image where none can be used; [`Error::SizesDiffer`] or [`Error::CamerasDiffer`]
+/// where no camera has more than half of the images; [`Error::NoPattern`]; [`Error::Parameter`] for hot pixels out of order or
+/// off the sensor; [`Error::Interrupted`].
 pub fn calibrate(
     whites: &[Capture],
     options: &CalibrationOptions,
@@ -24,27 +39,40 @@ pub fn calibrate(
 ) -> Result<Calibration, Error> {
     observer.begin("average", 0);
     let kept: Vec<&Capture> = screening::screen_captures(whites, options, observer)?.into_iter().map(|k| k.1).collect();
-    let mut plane = average::average_captures(&kept, |v| v)?;
-    hot_pixels::check_hot_pixels(&options.hot_pixels, plane.data.len())?;
-    hot_pixels::fill_hot_pixels(&mut plane, &options.hot_pixels);
-    equalise::equalise_channels(&mut plane);
+    let mut image = average::average_captures(&kept, |v| v)?;
+    hot_pixels::check_hot_pixels(&options.hot_pixels, image.data.len())?;
+    hot_pixels::fill_hot_pixels(&mut image, &options.hot_pixels);
+    equalise::equalise_channels(&mut image);
     let hint = kept.iter().find_map(|c| c.mla.as_ref());
-    let located = locate::locate_lenslets(&mut plane, hint, &options.hot_pixels, observer)?;
+    let located = locate::locate_lenslets(&mut image, hint, &options.hot_pixels, observer)?;
     observer.begin("vignetting", 0);
-    hot_pixels::fill_hot_pixels(&mut plane, &options.hot_pixels);
+    hot_pixels::fill_hot_pixels(&mut image, &options.hot_pixels);
     let pattern = (!options.without_vignetting).then(|| {
-        vignetting::vignetting_from_white(&plane, located.illumination.full_light() * located.profile.at(0.0))
+        vignetting::vignetting_from_white(&image, located.illumination.full_light() * located.profile.at(0.0))
     });
-    drop(plane);
+    drop(image);
     let mut found = assemble(located, pattern, &kept, "white", options);
     variants::apply_variant(&mut found, &kept, options.variant, observer)?;
     Ok(found)
 }
 
-/// Calibrates a camera from ordinary captures: the scenes average away, the lenslets stay. Five captures are typical, one gives
-/// the lattice without any lenslet's own place. The vignetting pattern is the mean micro-image; the main lens' broad light
-/// cannot be told from the scenes' and is left out. Captures of no use are left out as by [`calibrate`], and so are those whose
-/// pattern is not where that of the others is.
+/// Calibrates a camera from ordinary captures: the scenes average out, the lenslets stay. Five captures are typical; one gives
+/// the lattice only, all lenslets with trust 0. The vignetting pattern is the mean micro-image; the illumination by the main
+/// lens cannot be separated from the scenes' and is left out. Captures that cannot be used are left out as by [`calibrate`],
+/// and so are those whose pattern disagrees with that of the others.
+///
+/// ```
+/// # mod drawn { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/drawn.rs")); }
+/// # use drawn::*;
+/// use lenslet_core::calibration::{CalibrationOptions, calibrate_from_captures};
+/// use lenslet_core::progress::Silent;
+///
+/// let scene = |n: f64| drawn_capture(move |x, y| 0.6 + 0.3 * (x / 40.0 + n).sin() * (y / 30.0 - n).cos());
+/// let camera = calibrate_from_captures(&[scene(0.0), scene(1.0), scene(2.0)], &CalibrationOptions::default(), &Silent)?;
+/// assert_eq!(camera.origin.method, "captures");
+/// assert!((camera.lattice.pitch() - 10.0).abs() < 0.05);
+/// # Ok::<(), lenslet_core::calibration::Error>(())
+/// ```
 ///
 /// # Errors
 /// As [`calibrate`].
@@ -56,12 +84,12 @@ pub fn calibrate_from_captures(
     let mut kept = screening::screen_captures(captures, options, observer)?;
     let size = kept.first().map_or((0, 0), |(_, c)| (c.mosaic.width, c.mosaic.height));
     hot_pixels::check_hot_pixels(&options.hot_pixels, size.0 * size.1)?;
-    let (plane, mut located) = pattern::locate_in_captures(&mut kept, options, observer)?;
+    let (image, mut located) = pattern::locate_in_captures(&mut kept, options, observer)?;
     observer.begin("agreement", kept.len() as u64);
     agreement::weigh_by_agreement(&kept, &options.hot_pixels, size, &mut located, observer)?;
     observer.begin("vignetting", 0);
-    let pattern = (!options.without_vignetting).then(|| vignetting::vignetting_from_captures(&plane, &located.lattice));
-    drop(plane);
+    let pattern = (!options.without_vignetting).then(|| vignetting::vignetting_from_captures(&image, &located.lattice));
+    drop(image);
     let kept: Vec<&Capture> = kept.into_iter().map(|k| k.1).collect();
     let mut found = assemble(located, pattern, &kept, "captures", options);
     variants::apply_variant(&mut found, &kept, options.variant, observer)?;

@@ -1,4 +1,5 @@
-//! Which of several images can be used: one bad capture must not cost the user the others.
+//! Screening: of several images the bad ones (black, saturated, damaged, of another camera) are left out with a note, so that
+//! one bad capture does not make the others useless.
 
 use super::error::Error;
 use super::options::CalibrationOptions;
@@ -6,13 +7,15 @@ use super::{average, checks};
 use crate::container::Capture;
 use crate::progress::Observer;
 
-/// An image that can be used, and its place in the list given.
+/// An image that passed the screening, and its index in the list given, from 0.
 pub type Screened<'a> = (usize, &'a Capture);
 
-/// The images that are sound, lit, and of the camera most of them are of; a note says what was left out and why.
+/// The images that are undamaged, lit, and of the same camera as more than half of them; the observer is told by a note which
+/// were left out and why.
 ///
 /// # Errors
-/// Without any, what is wrong with the first; where no camera has most of the images, the first of another one.
+/// Where none is left, what is wrong with the first bad one; where no camera has more than half of the images,
+/// [`Error::CamerasDiffer`] or [`Error::SizesDiffer`] of the first that differs.
 pub fn screen_captures<'a>(
     captures: &'a [Capture],
     options: &CalibrationOptions,
@@ -20,7 +23,7 @@ pub fn screen_captures<'a>(
 ) -> Result<Vec<Screened<'a>>, Error> {
     let (mut kept, mut first_error): (Vec<Screened<'a>>, _) = (Vec::new(), None);
     for (n, capture) in captures.iter().enumerate() {
-        // A single image is judged where it is averaged.
+        // A single image is checked where it is averaged.
         let judged = checks::check_capture(capture, n + 1).and_then(|()| match captures.len() {
             1 => Ok(()),
             _ => average::average_captures(std::slice::from_ref(capture), |v| v).map(drop),
@@ -53,7 +56,7 @@ pub fn screen_captures<'a>(
     Ok(kept)
 }
 
-/// Says which image was left out, by its name where it has one.
+/// Notes which image was left out and why, by its name where the options give one.
 pub fn note_left_out(n: usize, why: &Error, options: &CalibrationOptions, observer: &dyn Observer) {
     let name = options.names.get(n).cloned().unwrap_or_else(|| format!("image {}", n + 1));
     observer.note(&format!("{name}: left out: {why}"));

@@ -1,4 +1,4 @@
-//! One value a pixel, and where it stops meaning anything: what the steps of Algorithm 1 hand on to each other.
+//! One grey value a pixel, and the saturation limits: what the steps of Algorithm 1 pass on.
 
 /// A grey image of the sensor. Light is linear unless a step says otherwise; 1 is full scale, or the mean once equalised.
 #[derive(Debug, Clone, PartialEq)]

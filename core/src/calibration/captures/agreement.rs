@@ -1,4 +1,5 @@
-//! How far a lenslet's own centre is believed when there are no white images: as far as several captures agree on it.
+//! Trust in a lenslet's own centre without white images: the variance between captures that are each measured alone takes the
+//! place of the measurement's variance in shrinkage.
 
 use super::flatten::flatten_capture;
 use crate::calibration::centres::measure::measure_lenslets;
@@ -12,8 +13,8 @@ use crate::calibration::screening::Screened;
 use crate::calibration::smoothing::shrink;
 use crate::progress::Observer;
 
-/// Weighs each lenslet's own centre by what the captures, each measured alone, agree on: what they share is the lenslet's, what
-/// they do not is the scene's. With one capture nothing can be told, and the lattice alone stands.
+/// Resites the centres of `found` by the means over the captures, shrunk by the variance between captures, which is due to the
+/// scenes. A single capture gives no variance: its centres are those of the lattice, with trust 0.
 ///
 /// # Errors
 /// [`Error::Interrupted`].
@@ -35,20 +36,20 @@ pub fn weigh_by_agreement(
         found.lenslets.retain(|l| l.x >= 0.0 && l.y >= 0.0 && l.x <= right && l.y <= bottom);
         return Ok(());
     }
-    let places: Vec<PredictedLenslet> = lattice::indices(&grid, width, height, 1.0)
+    let sites: Vec<PredictedLenslet> = lattice::indices(&grid, width, height, 1.0)
         .into_iter()
         .map(|[i, j]| {
             let [x, y] = grid.centre(i, j);
             PredictedLenslet { i, j, x, y, gain: 1.0, slope: [0.0; 2] }
         })
         .collect();
-    let mut sums = vec![[0f64; 5]; places.len()];
+    let mut sums = vec![[0f64; 5]; sites.len()];
     for (_, capture) in captures {
-        let (mut plane, _) = flatten_capture(capture, hot)?;
-        hot_pixels::mask_hot_pixels(&mut plane, hot);
-        let measured = measure_lenslets(&plane, &found.profile, &places, f64::INFINITY);
+        let (mut image, _) = flatten_capture(capture, hot)?;
+        hot_pixels::mask_hot_pixels(&mut image, hot);
+        let measured = measure_lenslets(&image, &found.profile, &sites, f64::INFINITY);
         let typical = measured::typical_misfit(&measured).powi(2);
-        for ((sum, m), site) in sums.iter_mut().zip(&measured).zip(&places) {
+        for ((sum, m), site) in sums.iter_mut().zip(&measured).zip(&sites) {
             let (dx, dy) = (m.x - site.x, m.y - site.y);
             if m.usable && m.misfit < 4.0 * typical && dx.hypot(dy) < 0.15 * grid.pitch() {
                 for (slot, v) in sum.iter_mut().zip([1.0, dx, dy, dx * dx, dy * dy]) {
@@ -57,9 +58,7 @@ pub fn weigh_by_agreement(
             }
         }
         observer.advance(1);
-        if observer.cancelled() {
-            return Err(Error::Interrupted);
-        }
+        observer.check()?;
     }
     // Variance between captures, pooled over all lenslets seen at least twice.
     let (mut within, mut degrees) = ([0f64; 2], 0f64);
@@ -68,7 +67,7 @@ pub fn weigh_by_agreement(
         within[1] += s[4] - s[2] * s[2] / s[0];
         degrees += s[0] - 1.0;
     }
-    let measured: Vec<MeasuredLenslet> = places
+    let measured: Vec<MeasuredLenslet> = sites
         .iter()
         .zip(&sums)
         .map(|(p, s)| {

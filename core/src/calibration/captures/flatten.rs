@@ -1,4 +1,4 @@
-//! One capture with its scene divided away: each pixel over the local mean of its colour.
+//! A capture without its scene: each pixel divided by the local mean of its colour.
 
 use rayon::prelude::*;
 
@@ -8,34 +8,37 @@ use crate::calibration::photometric::hot_pixels;
 use crate::calibration::sensor_image::SensorImage;
 use crate::container::Capture;
 
-/// Half the side of the box a pixel is compared with, pixels; a box holds at least a lenslet of the largest pitch looked for.
+/// Half the side of the box of the local mean, pixels; the box holds a lenslet of the largest pitch looked for.
+/// Source: chosen
 const BOX: usize = 24;
-/// Local light (share of full scale) at which a capture's say is halved: dark places are noise.
+/// Local light (share of full scale) at which a pixel's weight is ½; dark regions are mostly noise.
+/// Source: chosen
 const DIM: f32 = 0.02;
 
-/// One capture, each pixel over the mean of its like about it, and how much to trust each pixel.
+/// A capture, each pixel divided by the local mean of its colour, and the weight of each pixel (0 to 1; 0 where saturated or
+/// dark).
 pub fn flatten_capture(capture: &Capture, hot: &[u32]) -> Result<(SensorImage, Vec<f32>), Error> {
-    let mut plane = average::average_captures(std::slice::from_ref(capture), |v| v)?;
-    hot_pixels::fill_hot_pixels(&mut plane, hot);
-    let means = local_means(&plane, BOX);
-    let mut weights = vec![0f32; plane.data.len()];
-    plane.data.par_iter_mut().zip(weights.par_iter_mut()).zip(&means).for_each(|((v, w), &mean)| {
+    let mut image = average::average_captures(std::slice::from_ref(capture), |v| v)?;
+    hot_pixels::fill_hot_pixels(&mut image, hot);
+    let means = local_means(&image, BOX);
+    let mut weights = vec![0f32; image.data.len()];
+    image.data.par_iter_mut().zip(weights.par_iter_mut()).zip(&means).for_each(|((v, w), &mean)| {
         let saturated = *v >= 0.999;
         let light = mean.max(0.0);
         *w = if saturated || light < 1e-3 { 0.0 } else { light / (light + DIM) };
-        // A highlight within a dark box must not outshout the pattern.
+        // A highlight within a dark box must not dominate the pattern.
         *v = if light < 1e-3 { 1.0 } else { (*v / light).min(4.0) };
     });
-    plane.limit = [f32::INFINITY; 4];
-    Ok((plane, weights))
+    image.limit = [f32::INFINITY; 4];
+    Ok((image, weights))
 }
 
 /// Mean of the pixels of the same place of the 2×2 tile within `half` pixels in x and y.
-fn local_means(plane: &SensorImage, half: usize) -> Vec<f32> {
-    let (width, height) = (plane.width, plane.height);
+fn local_means(image: &SensorImage, half: usize) -> Vec<f32> {
+    let (width, height) = (image.width, image.height);
     let reach = half / 2;
     let mut rows = vec![0f32; width * height];
-    rows.par_chunks_mut(width).zip(plane.data.par_chunks(width)).for_each(|(out, row)| {
+    rows.par_chunks_mut(width).zip(image.data.par_chunks(width)).for_each(|(out, row)| {
         for parity in 0..2.min(width) {
             let like: Vec<f32> = row[parity..].iter().step_by(2).copied().collect();
             for (k, mean) in sliding_means(&like, reach).into_iter().enumerate() {
@@ -43,7 +46,7 @@ fn local_means(plane: &SensorImage, half: usize) -> Vec<f32> {
             }
         }
     });
-    // Columns in strips, so that memory is read along rows.
+    // Columns in strips of 64, so that memory is read along rows.
     let mut out = vec![0f32; width * height];
     for parity in 0..2.min(height) {
         let lines = (height - parity).div_ceil(2);
@@ -109,15 +112,15 @@ mod tests {
     fn local_means_are_the_sums_written_out() {
         let (w, h) = (67, 23);
         let data: Vec<f32> = (0..w * h).map(|k| ((k * 7919) % 101) as f32).collect();
-        let plane = SensorImage { width: w, height: h, data, limit: [f32::MAX; 4] };
-        let fast = local_means(&plane, 6);
+        let image = SensorImage { width: w, height: h, data, limit: [f32::MAX; 4] };
+        let fast = local_means(&image, 6);
         for (x, y) in [(0, 0), (66, 22), (30, 11), (31, 11), (5, 20)] {
             let (mut sum, mut n) = (0f64, 0f64);
             for yy in 0..h as i64 {
                 for xx in 0..w as i64 {
                     let (dx, dy) = (xx - x as i64, yy - y as i64);
                     if dx % 2 == 0 && dy % 2 == 0 && dx.abs() <= 6 && dy.abs() <= 6 {
-                        sum += f64::from(plane.at(xx as usize, yy as usize));
+                        sum += f64::from(image.at(xx as usize, yy as usize));
                         n += 1.0;
                     }
                 }

@@ -1,17 +1,20 @@
 //! Regular lattice fitted over all measured centres, robustly: min over origin, a, b of Σ ρ(|c_ij − origin − i·a − j·b| / s)
 //! with Tukey's ρ (paper section 3.2: "fit a regular triangle grid to the estimated center points"). Row stretch comes with it,
-//! since a and b are free.
+//! since a and b are free. Solved by iteratively reweighted least squares.
 
 use super::measured::MeasuredLenslet;
 use crate::calibration::linear;
 use crate::calibration::model::Lattice;
 
-/// Tukey's constant: 95 % as efficient as least squares on Gaussian errors.
+/// Tukey's constant, in standard deviations: 95 % efficiency on Gaussian errors.
+/// Source: Holland and Welsch 1977, "Robust regression using iteratively reweighted least-squares"
 const TUKEY: f64 = 4.685;
 /// Rounds of reweighting.
+/// Source: chosen
 const ROUNDS: usize = 6;
 
-/// Robust fit over the measured centres that are usable; `start` gives the packing, and is returned when fewer than ten are.
+/// Robust fit over the usable measured centres. `start` gives the packing and the first residuals; it is returned unchanged
+/// when fewer than ten centres are usable.
 pub fn fit_lattice(start: &Lattice, measured: &[MeasuredLenslet]) -> Lattice {
     let usable: Vec<&MeasuredLenslet> = measured.iter().filter(|m| m.usable).collect();
     if usable.len() < 10 {
@@ -19,7 +22,7 @@ pub fn fit_lattice(start: &Lattice, measured: &[MeasuredLenslet]) -> Lattice {
     }
     let mut lattice = *start;
     for round in 0..ROUNDS {
-        // Scale from the median of the residuals; the first round trusts the start only roughly.
+        // Scale s from the median residual (1.1774 σ for Rayleigh-distributed distances), doubled in the first round.
         let mut distances: Vec<f64> = usable
             .iter()
             .map(|m| {

@@ -1,6 +1,6 @@
-//! Sub-pixel centre of each lenslet (paper section 3.2, "fit paraboloid"), without eroding or rotating: around the predicted
-//! centre p, min over g, d of Σ w·(I(x)/F(x) − g·T(x − p − d))², linear in (g, g·dx, g·dy), T being the common profile and F the
-//! local slope of the main lens' vignetting. Answers with its variance.
+//! Sub-pixel centre of each lenslet (paper section 3.2, "fit paraboloid"), on the unrotated, uneroded image: around the predicted
+//! centre p, min over g, d of Σ w·(I(x)/F(x) − g·T(x − p − d))², linearised in (g, g·dx, g·dy). T is the micro-image profile
+//! common to the sensor, F = 1 + slope·(x − p) the local slope of the illumination, w = rim/(T + [`READ_NOISE`]).
 
 use rayon::prelude::*;
 
@@ -10,22 +10,23 @@ use super::profile::MicroImageProfile;
 use crate::calibration::linear;
 use crate::calibration::sensor_image::SensorImage;
 
-/// How a pixel's noise grows with light: variance ∝ T + FLOOR. Shot noise mostly, some read noise.
-const FLOOR: f32 = 0.08;
+/// Read noise relative to shot noise at the centre of a lenslet: a pixel's variance is taken as ∝ T + `READ_NOISE`.
+/// Source: chosen
+const READ_NOISE: f32 = 0.08;
 
-/// Measures every site. `clip`: pixels farther than this from the model (relative to the gain, in units of √weight) are left
-/// out: hot pixels, dust.
+/// Measures every predicted lenslet; the answers are in the order of `sites`. Pixels whose residual times √w exceeds `clip`
+/// times the gain (hot pixels, dust) are left out; `f64::INFINITY` leaves out none.
 pub fn measure_lenslets(
-    plane: &SensorImage,
+    image: &SensorImage,
     profile: &MicroImageProfile,
     sites: &[PredictedLenslet],
     clip: f64,
 ) -> Vec<MeasuredLenslet> {
-    sites.par_iter().with_min_len(256).map(|site| measure_lenslet(plane, profile, site, clip)).collect()
+    sites.par_iter().with_min_len(256).map(|site| measure_lenslet(image, profile, site, clip)).collect()
 }
 
 fn measure_lenslet(
-    plane: &SensorImage,
+    image: &SensorImage,
     profile: &MicroImageProfile,
     site: &PredictedLenslet,
     clip: f64,
@@ -42,8 +43,8 @@ fn measure_lenslet(
         usable: false,
     };
     let (left, top) = ((site.x - reach).ceil().max(0.0), (site.y - reach).ceil().max(0.0));
-    let right = (site.x + reach).floor().min(plane.width as f64 - 1.0);
-    let bottom = (site.y + reach).floor().min(plane.height as f64 - 1.0);
+    let right = (site.x + reach).floor().min(image.width as f64 - 1.0);
+    let bottom = (site.y + reach).floor().min(image.height as f64 - 1.0);
     if !(left <= right && top <= bottom) {
         return out;
     }
@@ -58,8 +59,8 @@ fn measure_lenslet(
     let mut count = 0u32;
     for y in y0..=y1 {
         let dy = (y as f64 - site.y) as f32;
-        let row = &plane.row(y)[x0..=x1];
-        let limits = [plane.limit[(y & 1) * 2], plane.limit[(y & 1) * 2 + 1]];
+        let row = &image.row(y)[x0..=x1];
+        let limits = [image.limit[(y & 1) * 2], image.limit[(y & 1) * 2 + 1]];
         for (x, &raw) in (x0..).zip(row) {
             let dx = (x as f64 - site.x) as f32;
             let u = (dx * dx + dy * dy) * inverse;
@@ -69,9 +70,9 @@ fn measure_lenslet(
             let t = (((terms[4] * u + terms[3]) * u + terms[2]) * u + terms[1]) * u + terms[0];
             let slope = ((slopes[3] * u + slopes[2]) * u + slopes[1]) * u + slopes[0];
             let v = raw / (1.0 + gx * dx + gy * dy);
-            // Falls to nothing over the last pixel, so that a pixel entering the window does not make the centre jump.
+            // Tapers to 0 over the last pixel, so that a pixel entering the window does not make the centre jump.
             let rim = ((1.0 - u) * reach as f32 * 0.5).min(1.0);
-            let w = rim / (t.max(0.0) + FLOOR);
+            let w = rim / (t.max(0.0) + READ_NOISE);
             let off = v - site.gain as f32 * t;
             if w * off * off > clip2 {
                 continue;
@@ -116,7 +117,7 @@ fn measure_lenslet(
             None => return out,
         }
     }
-    // A step beyond the window's half is no measurement.
+    // The linearisation does not hold for steps beyond half of the window.
     if dx.hypot(dy) < 0.5 * reach {
         out.x = site.x + dx;
         out.y = site.y + dy;

@@ -1,6 +1,6 @@
-//! A lenslet as the image shows it: centre, light, and how sure both are.
+//! A lenslet as the image shows it: centre, light, and the variance of the centre.
 
-/// A measured lenslet.
+/// A measured lenslet. The variance of its centre along axis k is `unit[k]·misfit`, pixels².
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeasuredLenslet {
     /// Lattice index along a.
@@ -13,22 +13,23 @@ pub struct MeasuredLenslet {
     pub y: f64,
     /// Light at the centre.
     pub gain: f64,
-    /// Variance of x and y for unit variance of a pixel at the centre, both relative to the gain (see [`MeasuredLenslet::misfit`]).
+    /// Variance of x and y (pixels²) if a pixel at the centre had unit variance relative to gain².
     pub unit: [f64; 2],
-    /// Mean squared residual a degree of freedom, weighted, relative to the gain².
+    /// Weighted mean squared residual a degree of freedom, relative to gain².
     pub misfit: f64,
-    /// Whether the measurement means anything.
+    /// Whether the measurement succeeded.
     pub usable: bool,
 }
 
 impl MeasuredLenslet {
-    /// A lenslet found at (`x`, `y`) by other means, with nothing known of its light.
+    /// A lenslet whose centre (`x`, `y`) comes from elsewhere (a paraboloid, a mean), its light unknown.
     pub fn from_position(i: i32, j: i32, x: f64, y: f64) -> Self {
         MeasuredLenslet { i, j, x, y, gain: 1.0, unit: [1.0; 2], misfit: 0.0, usable: true }
     }
 }
 
-/// Typical misfit of a pixel relative to its lenslet's brightness: what `measure` clips by.
+/// Square root of the median misfit: the typical residual of a pixel as a share of its lenslet's light. Infinite without
+/// usable lenslets.
 pub fn typical_misfit(measured: &[MeasuredLenslet]) -> f64 {
     let mut all: Vec<f64> = measured.iter().filter(|m| m.usable).map(|m| m.misfit).collect();
     if all.is_empty() {

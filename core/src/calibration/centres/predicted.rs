@@ -1,18 +1,18 @@
-//! Where a lenslet is expected, and in what light: what measuring starts from.
+//! A lenslet as the lattice predicts it: the start of its measurement.
 
-/// A place to measure at.
+/// A predicted lenslet: where to measure, and in what light.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PredictedLenslet {
     /// Lattice index along a.
     pub i: i32,
     /// Lattice index along b.
     pub j: i32,
-    /// Predicted centre x.
+    /// Predicted centre x, pixels.
     pub x: f64,
-    /// Predicted centre y.
+    /// Predicted centre y, pixels.
     pub y: f64,
-    /// Light at the centre, if known (else 1).
+    /// Light at the centre (the image's units); 1 where it is not known yet.
     pub gain: f64,
-    /// Relative slope of the broad light (1/pixel) along x and y.
+    /// Relative slope of the illumination along x and y, (∂F/∂x, ∂F/∂y)/F, 1/pixel.
     pub slope: [f64; 2],
 }

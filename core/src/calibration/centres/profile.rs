@@ -1,6 +1,6 @@
-//! What a micro-image looks like: light as a polynomial of r², one for the whole sensor, from the image itself.
-//! The paper fits a paraboloid (the polynomial of degree one) to each lenslet; more degrees keep wide windows unbiased.
-//! Being round it cannot lean: its centre is the lenslet's.
+//! The micro-image profile: light as a polynomial of r², one for the whole sensor, fitted to the image itself.
+//! The paper fits a paraboloid (degree 1 in r²) to each lenslet; degree 4 keeps wide windows unbiased. The profile is
+//! rotationally symmetric, so its centre is the lenslet's centre.
 
 use rayon::prelude::*;
 
@@ -8,11 +8,13 @@ use super::predicted::PredictedLenslet;
 use crate::calibration::linear;
 use crate::calibration::sensor_image::SensorImage;
 
-/// Degree in r².
+/// Degree of the profile in r².
+/// Source: chosen
 const DEGREE: usize = 4;
-/// Coefficients.
+/// Number of coefficients.
 pub const TERMS: usize = DEGREE + 1;
-/// Lenslets looked at, about.
+/// Lenslets the profile is fitted to, about.
+/// Source: chosen
 const SAMPLE: usize = 30_000;
 
 /// T(r) = Σ_k terms[k]·(r/radius)^(2k), valid up to `radius`; T(0) = 1.
@@ -20,12 +22,12 @@ const SAMPLE: usize = 30_000;
 pub struct MicroImageProfile {
     /// Coefficients.
     pub terms: [f64; TERMS],
-    /// Where it ends, pixels.
+    /// Radius up to which the profile holds, pixels.
     pub radius: f64,
 }
 
 impl MicroImageProfile {
-    /// The paper's shape: a paraboloid.
+    /// A paraboloid that falls to 0.4 at `radius`: the start before a profile is fitted.
     pub fn paraboloid(radius: f64) -> Self {
         let mut terms = [0f64; TERMS];
         (terms[0], terms[1]) = (1.0, -0.6);
@@ -44,10 +46,11 @@ impl MicroImageProfile {
     }
 }
 
-/// Least-squares profile over a sample of the lenslets at `sites`; `None` where the light does not allow one.
-pub fn fit_profile(plane: &SensorImage, sites: &[PredictedLenslet], radius: f64) -> Option<MicroImageProfile> {
+/// Least-squares profile over a sample of the lenslets at `sites`, each divided by its gain and slope; `None` where the
+/// system is singular or the centre is not bright.
+pub fn fit_profile(image: &SensorImage, sites: &[PredictedLenslet], radius: f64) -> Option<MicroImageProfile> {
     let step = (sites.len() / SAMPLE).max(1);
-    // A step that is a multiple of the row length would look at one column only.
+    // A step that is a multiple of the row length would pick lenslets of one column only.
     let chosen: Vec<&PredictedLenslet> =
         sites.iter().enumerate().filter(|(n, s)| n % step == (n / 97) % step && s.gain > 0.0).map(|(_, s)| s).collect();
     let inverse = 1.0 / (radius * radius);
@@ -58,16 +61,16 @@ pub fn fit_profile(plane: &SensorImage, sites: &[PredictedLenslet], radius: f64)
             let mut right = [0f64; TERMS];
             for site in chunk {
                 let x0 = (site.x - radius).ceil().max(0.0) as usize;
-                let x1 = ((site.x + radius).floor() as usize).min(plane.width - 1);
+                let x1 = ((site.x + radius).floor() as usize).min(image.width - 1);
                 let y0 = (site.y - radius).ceil().max(0.0) as usize;
-                let y1 = ((site.y + radius).floor() as usize).min(plane.height - 1);
+                let y1 = ((site.y + radius).floor() as usize).min(image.height - 1);
                 for y in y0..=y1 {
                     let dy = y as f64 - site.y;
                     for x in x0..=x1 {
                         let dx = x as f64 - site.x;
                         let u = (dx * dx + dy * dy) * inverse;
-                        let v = plane.at(x, y);
-                        if u > 1.0 || v >= plane.limit[(y & 1) * 2 + (x & 1)] {
+                        let v = image.at(x, y);
+                        if u > 1.0 || v >= image.limit[(y & 1) * 2 + (x & 1)] {
                             continue;
                         }
                         let v = f64::from(v) / (site.gain * (1.0 + dx * site.slope[0] + dy * site.slope[1]));

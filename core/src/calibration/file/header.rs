@@ -5,9 +5,9 @@ use serde::{Deserialize, Serialize};
 use crate::calibration::model::{CalibrationOrigin, CalibrationQuality, Lattice, Lenslet};
 use crate::calibration::photometric::hot_pixels::PIXELS_PER_HOT_PIXEL;
 
-/// No sensor side is longer than this, pixels.
+/// Longest sensor side accepted, pixels.
 const LARGEST_SIDE: usize = 1 << 16;
-/// No sensor has more pixels.
+/// Most sensor pixels accepted.
 const MOST_PIXELS: usize = 1 << 29;
 
 /// The JSON header.
@@ -27,10 +27,10 @@ pub struct Header {
     pub payload_sha256: String,
 }
 
-/// Figures kept to the last bit: origin, a, b; the five of the quality.
+/// Number of figures stored as f64: origin, a, b; the five of the quality.
 pub const FIGURES: usize = 11;
 
-/// The figures, in the order they are kept in.
+/// The figures, in the order they are stored in.
 pub fn figures(lattice: &Lattice, quality: &CalibrationQuality) -> [f64; FIGURES] {
     let (o, a, b, q) = (lattice.origin, lattice.a, lattice.b, quality);
     [o[0], o[1], a[0], a[1], b[0], b[1], q.residual_rms, q.scatter, q.noise, q.rejected, q.confidence]

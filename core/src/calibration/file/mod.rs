@@ -5,8 +5,8 @@
 //! 8   format version, u32
 //! 12  header length H, u32
 //! 16  H bytes of JSON: everything of [`Calibration`] that is small, the payload's size and sha256
-//! …   deflated payload: the lattice and quality figures as f64 (the header has them for the eye), then lenslets, hot pixels
-//!     and the white image as `v2` lays them out; files of version 1 (`v1`) are read too
+//! …   deflated payload: the lattice and quality figures as f64 (those in the header are for people), then lenslets, hot pixels
+//!     and the white image as described in `v2`; files of version 1 (`v1`) are read too
 //! ```
 //! All numbers little-endian.
 
@@ -25,18 +25,37 @@ use super::error::Error;
 use super::model::{Calibration, CalibrationQuality, Lattice, Lenslet, Vignetting};
 
 const MAGIC: &[u8; 8] = b"LENSCAL\0";
-/// Newest format this program reads, and the one it writes.
+/// Newest format version read, and the one written.
 const VERSION: u32 = 2;
-/// No header is longer than this.
+/// Longest header accepted, bytes.
 const LONGEST_HEADER: usize = 1 << 20;
-/// Deflate's effort: more takes seconds and saves next to nothing.
+/// Deflate level.
+/// Source: measured; higher levels take seconds longer and save almost nothing
 const LEVEL: u32 = 3;
 
-/// Writes a calibration; refuses an existing file without `force`. Centres are kept to 1/32768 px, the white image to 1/1024
-/// of its square root (a twentieth of one white image's own noise), what else there is to the last bit.
+/// Writes a calibration; refuses an existing file without `force`. Centres are rounded to 1/16384 px, the white image to 1/1024
+/// of its square root (a twentieth of one white image's own noise), trust to 1/255; everything else is exact.
+///
+/// ```
+/// # mod drawn { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/drawn.rs")); }
+/// # use drawn::*;
+/// # use lenslet_core::calibration::{CalibrationOptions, calibrate, load, save};
+/// # let camera = calibrate(&[drawn_white()], &CalibrationOptions::default(), &lenslet_core::progress::Silent)?;
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("cam.calib");
+/// save(&path, &camera, false)?;
+/// assert!(std::fs::read(&path)?.starts_with(b"LENSCAL\0\x02"));
+///
+/// let read = load(&path)?;
+/// assert_eq!((read.lattice, &read.quality, &read.origin), (camera.lattice, &camera.quality, &camera.origin));
+/// assert!(read.centres().zip(camera.centres()).all(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]) < 1e-4));
+/// assert!(save(&path, &camera, false).is_err(), "an existing file is kept");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
-/// When the file exists or cannot be written, or the white image's pixels do not fit its size.
+/// [`Error::Output`] when the file exists or cannot be written; [`Error::Parameter`] when the white image's pixels do not fit
+/// its size.
 pub fn save(path: &Path, calibration: &Calibration, force: bool) -> Result<(), Error> {
     let whole = |v: &Vignetting| v.width > 0 && v.width.checked_mul(v.height) == Some(v.white.len());
     if !calibration.vignetting.as_ref().is_none_or(whole) {
@@ -76,7 +95,8 @@ pub fn save(path: &Path, calibration: &Calibration, force: bool) -> Result<(), E
 /// Reads a calibration.
 ///
 /// # Errors
-/// Files that cannot be read, are no calibration, are damaged, or come from a later version of this program.
+/// [`Error::Read`]; [`Error::Malformed`] for files that are no calibration or damaged; [`Error::Newer`] for a later format
+/// version.
 pub fn load(path: &Path) -> Result<Calibration, Error> {
     let name = || path.display().to_string();
     let file = std::fs::File::open(path).map_err(|source| Error::Read { path: name(), source })?;
@@ -109,7 +129,7 @@ fn parse(mut file: impl Read, path: &str) -> Result<Calibration, Error> {
     }
     let header: Header = serde_json::from_slice(&json).map_err(|e| bad(&format!("its header is damaged ({e})")))?;
     let pixels = check_header(&header, word(8)).map_err(bad)?;
-    // Sizes agree with each other now, and a file that promises more than it holds ends early: reading stops at what was promised.
+    // The sizes agree with each other now; no more than the stated payload is read.
     let mut payload = Vec::new();
     flate2::read::DeflateDecoder::new(file)
         .take(header.payload_bytes as u64)
@@ -151,7 +171,7 @@ fn parse(mut file: impl Read, path: &str) -> Result<Calibration, Error> {
     })
 }
 
-/// Pixels of the white image, once the header's numbers are seen to be possible.
+/// Checks the header's numbers, and the payload's size against them; returns the pixels of the white image.
 fn check_header(header: &Header, version: u32) -> Result<usize, &'static str> {
     let pixels = white_pixels(header)?;
     let rest = match version {

@@ -12,7 +12,7 @@ pub fn bytes_of(lenslets: usize, pixels: usize) -> usize {
     lenslets * LENSLET + 2 * pixels
 }
 
-/// Reads `n` lenslets and `pixels` pixels of rows of `width`; `from` is as long as [`bytes_of`] says.
+/// Reads `n` lenslets and `pixels` pixels in rows of `width`; `from` has the length that [`bytes_of`] gives.
 pub fn read(from: &[u8], n: usize, width: usize, pixels: usize) -> Payload {
     let (i, rest) = from.split_at(4 * n);
     let (j, rest) = rest.split_at(4 * n);

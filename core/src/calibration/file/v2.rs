@@ -1,6 +1,6 @@
-//! Format version 2, small: lenslets as steps in (i, j) and what they are off the lattice, the white image as what it is off
-//! itself one micro-image before. Arrays of N-byte numbers are kept as N planes (all first bytes, all second bytes …): the
-//! upper ones are nearly all zero and deflate to nothing. Signed numbers are zigzagged: 0, -1, 1, -2 … are 0, 1, 2, 3 …
+//! Format version 2, compact: lenslets as steps in (i, j) and residuals from the lattice, the white image as differences from
+//! itself a micro-image earlier. Arrays of N-byte numbers are stored as N planes (all first bytes, all second bytes …), since
+//! the upper planes are almost all zero and compress well. Signed numbers are zigzagged: 0, -1, 1, -2 … are 0, 1, 2, 3 …
 //!
 //! ```text
 //! u32 ×2   lag of the white image (x, y), pixels; 0 0 without one
@@ -15,7 +15,8 @@ use super::header::{self, Header, Payload};
 use super::white;
 use crate::calibration::model::{Calibration, Lattice, Lenslet};
 
-/// Steps of a pixel in which offsets from the lattice are kept.
+/// Steps a pixel in which residuals from the lattice are stored.
+/// Source: file format version 2
 const STEPS: f64 = 16384.0;
 /// Bytes a lenslet takes.
 const LENSLET: usize = 4 * 4 + 1;
@@ -56,7 +57,7 @@ pub fn write(calibration: &Calibration, out: &mut Vec<u8>) {
     }
 }
 
-/// Reads what [`write`] wrote; `from` is as long as [`bytes_of`] says.
+/// Reads what [`write`] wrote; `from` has the length that [`bytes_of`] gives.
 ///
 /// # Errors
 /// Hot pixels out of order or off the sensor.
@@ -100,7 +101,7 @@ pub fn read(from: &[u8], header: &Header, lattice: &Lattice, pixels: usize) -> R
     Ok(Payload { lenslets, hot_pixels, white: white::values(&differences, header.width, lag) })
 }
 
-/// Rounding must not carry a centre off the sensor.
+/// Moves a centre that rounding put off the sensor, by less than a step, back to its edge.
 fn within(v: f64, end: f64) -> f64 {
     let near = |edge: f64| (v - edge).abs() < 1.0 / STEPS;
     if v < 0.0 && near(0.0) {
@@ -119,7 +120,7 @@ fn planes<const N: usize>(values: &[[u8; N]], out: &mut Vec<u8>) {
     }
 }
 
-/// The `k`th of `n` numbers kept as planes.
+/// The `k`th of `n` numbers stored as planes.
 fn plane<const N: usize>(from: &[u8], n: usize, k: usize) -> [u8; N] {
     std::array::from_fn(|b| from[b * n + k])
 }

@@ -1,12 +1,15 @@
-//! The white image in a file. A pixel is kept as the square root of its light in 1/1024: shot noise grows with the root, so the
-//! rounding stays the same small part of it everywhere. What is stored is the difference from the same place of a micro-image
-//! before: micro-images repeat, and noise is all that is left.
+//! The white image in a file. A pixel is coded as the square root of its light in 1/1024: shot noise grows with the square root,
+//! so the rounding error is the same share of the noise everywhere. Stored are differences from the same position in an earlier
+//! micro-image: micro-images repeat, so the differences are mostly noise.
 
-/// Codes a square root of 1: light 1.0 (32768 in memory) is code 1024, and code c is c²/32.
+/// Light 1.0 (32768 in memory) has code 1024: code c is c²/2⁵.
+/// Source: file format version 2
 const SHIFT: u32 = 5;
-/// Lags tried, pixels: even, so that colours meet their like.
+/// Longest lag tried, pixels; lags are even, so that pixels of one colour are compared.
+/// Source: file format version 2
 const LONGEST: usize = 128;
-/// Pixels looked at to choose the lag, about.
+/// Pixels compared to choose the lag, about.
+/// Source: chosen
 const SAMPLE: usize = 100_000;
 
 /// Codes of the pixels.
@@ -20,7 +23,7 @@ fn value(code: u16) -> u16 {
     ((c * c + (1 << (SHIFT - 1))) >> SHIFT) as u16
 }
 
-/// The pixel before by the lag; at the border the one two to the left, else two above, else 0.
+/// The pixel one lag earlier; at the border the one two to the left, else two above, else 0.
 #[inline]
 fn predicted(codes: &[u16], k: usize, width: usize, lag: [usize; 2]) -> u16 {
     let (x, y) = (k % width, k / width);
@@ -44,10 +47,10 @@ pub fn differences(codes: &[u16], width: usize, lag: [usize; 2]) -> Vec<u16> {
         .collect()
 }
 
-/// The pixels of the differences.
+/// The pixels that have these differences.
 pub fn values(differences: &[u16], width: usize, lag: [usize; 2]) -> Vec<u16> {
     let mut codes: Vec<u16> = Vec::with_capacity(differences.len());
-    // No lag is longer than the file's writer tries: one that is cannot be sought in what was read.
+    // A lag longer than the writer tries is invalid and is treated as none.
     let lag = if lag.iter().all(|&l| l <= LONGEST) { lag } else { [0, 0] };
     for (k, &d) in differences.iter().enumerate() {
         let d = (d >> 1) as i16 ^ -((d & 1) as i16);
@@ -56,7 +59,7 @@ pub fn values(differences: &[u16], width: usize, lag: [usize; 2]) -> Vec<u16> {
     codes.into_iter().map(value).collect()
 }
 
-/// The lag along a row or a column that leaves least.
+/// The lag along a row or a column with the smallest sum of absolute differences.
 pub fn best_lag(codes: &[u16], width: usize) -> [usize; 2] {
     let step = (codes.len() / SAMPLE).max(1);
     let left = |lag: [usize; 2]| {

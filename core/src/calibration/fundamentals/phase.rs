@@ -1,6 +1,6 @@
-//! The lattice over the whole sensor from the phases of its two fundamentals in small tiles: a first lattice within a
-//! few hundredths of a pixel everywhere, which no dead lenslet, dust or scratch can pull far. (Goes past paper section 3.2,
-//! which rotates by the peak's bin alone.)
+//! The lattice over the whole sensor from the phases of its two fundamentals in small tiles: min over slope and offset of
+//! Σ ρ(phase − slope·x − offset) for each fundamental. It is within a few hundredths of a pixel everywhere and robust against
+//! dead lenslets, dust and scratches. (Beyond paper section 3.2, which rotates by the peak's bin alone.)
 
 use rayon::prelude::*;
 
@@ -11,19 +11,22 @@ use crate::calibration::linear;
 use crate::calibration::model::Lattice;
 use crate::calibration::sensor_image::SensorImage;
 
-/// Tiles a side, at most.
+/// Most tiles a side.
+/// Source: chosen
 const TILES: usize = 24;
 /// Tile side in lattice periods.
+/// Source: chosen
 const PERIODS: f64 = 8.0;
-/// Mean alignment of tile phases under which there is no lattice (1 = perfect, 1/√tiles = chance).
+/// Least coherence of the tile phases with a lattice (1 = perfect, about 1/√tiles by chance).
+/// Source: chosen
 const LEAST_COHERENCE: f64 = 0.5;
 
-/// What the phases gave.
+/// The lattice that fits the phases.
 #[derive(Debug, Clone, Copy)]
 pub struct PhaseFit {
     /// The lattice.
     pub lattice: Lattice,
-    /// Mean alignment of the tiles' phases with it, 0..1.
+    /// Coherence: length of the mean phasor of the tiles after the fit, 0 to 1, the lesser of both fundamentals.
     pub coherence: f64,
 }
 
@@ -43,15 +46,15 @@ struct Tiling {
 }
 
 impl Tiling {
-    fn new(plane: &SensorImage, period: f64) -> Self {
-        let side = ((PERIODS * period) as usize).clamp(16, plane.width.min(plane.height));
+    fn new(image: &SensorImage, period: f64) -> Self {
+        let side = ((PERIODS * period) as usize).clamp(16, image.width.min(image.height));
         let count = |length: usize| (length / side).clamp(1, TILES);
-        let middle = [(plane.width as f64 - 1.0) / 2.0, (plane.height as f64 - 1.0) / 2.0];
-        Tiling { side, nx: count(plane.width), ny: count(plane.height), middle }
+        let middle = [(image.width as f64 - 1.0) / 2.0, (image.height as f64 - 1.0) / 2.0];
+        Tiling { side, nx: count(image.width), ny: count(image.height), middle }
     }
 
     /// Phases of every tile at both frequencies.
-    fn tiles(&self, plane: &SensorImage, f: &[[f64; 2]; 2]) -> Vec<Tile> {
+    fn tiles(&self, image: &SensorImage, f: &[[f64; 2]; 2]) -> Vec<Tile> {
         let (side, nx, ny) = (self.side, self.nx, self.ny);
         let corner = |k: usize, n: usize, length: usize| {
             if n == 1 { (length - side) / 2 } else { k * (length - side) / (n - 1) }
@@ -60,9 +63,9 @@ impl Tiling {
             .into_par_iter()
             .map(|k| {
                 demodulate_tile(
-                    plane,
-                    corner(k % nx, nx, plane.width),
-                    corner(k / nx, ny, plane.height),
+                    image,
+                    corner(k % nx, nx, image.width),
+                    corner(k / nx, ny, image.height),
                     side,
                     f,
                     self.middle,
@@ -72,14 +75,15 @@ impl Tiling {
     }
 }
 
-/// How far the pattern of a plane is where a lattice says: 1 everywhere, 0 by chance, below 0 between its lenslets.
-pub fn phase_agreement(plane: &SensorImage, lattice: &Lattice) -> f64 {
+/// How well the pattern of an image agrees with a lattice: 1 if every tile is in phase with it, about 0 by chance, negative where
+/// the pattern lies between its lenslets.
+pub fn phase_agreement(image: &SensorImage, lattice: &Lattice) -> f64 {
     use std::f64::consts::PI;
     let (a, b) = (lattice.a, lattice.b);
     let det = a[0] * b[1] - a[1] * b[0];
     let f = [[b[1] / det, -b[0] / det], [-a[1] / det, a[0] / det]];
-    let tiling = Tiling::new(plane, 1.0 / f[0][0].hypot(f[0][1]));
-    let tiles = tiling.tiles(plane, &f);
+    let tiling = Tiling::new(image, 1.0 / f[0][0].hypot(f[0][1]));
+    let tiles = tiling.tiles(image, &f);
     let off = [tiling.middle[0] - lattice.origin[0], tiling.middle[1] - lattice.origin[1]];
     let along = |w: usize| {
         let (s, c) = (2.0 * PI * (f[w][0] * off[0] + f[w][1] * off[1])).sin_cos();
@@ -88,19 +92,19 @@ pub fn phase_agreement(plane: &SensorImage, lattice: &Lattice) -> f64 {
     along(0).min(along(1))
 }
 
-/// Locks the lattice on the phases of its fundamentals.
+/// Fits the lattice to the phases of its fundamentals.
 ///
 /// # Errors
 /// [`Error::NoPattern`] when the phases of the tiles do not agree on one lattice.
-pub fn fit_phases(plane: &SensorImage, start: &Fundamentals) -> Result<PhaseFit, Error> {
+pub fn fit_phases(image: &SensorImage, start: &Fundamentals) -> Result<PhaseFit, Error> {
     let mut f = [start.f1, start.f2];
-    let tiling = Tiling::new(plane, 1.0 / f[0][0].hypot(f[0][1]));
+    let tiling = Tiling::new(image, 1.0 / f[0][0].hypot(f[0][1]));
     let (nx, ny, middle) = (tiling.nx, tiling.ny, tiling.middle);
     let mut phase = [0f64; 2];
     let mut coherence = 0.0;
-    // Round one is demodulated with the peaks of the spectrum, round two with the corrected frequencies.
+    // Round one demodulates with the peaks of the spectrum, round two with the corrected frequencies.
     for _ in 0..2 {
-        let tiles = tiling.tiles(plane, &f);
+        let tiles = tiling.tiles(image, &f);
         coherence = 1.0;
         for w in 0..2 {
             let fit = fit_phase_plane(&tiles, w, nx, ny);
@@ -116,19 +120,19 @@ pub fn fit_phases(plane: &SensorImage, start: &Fundamentals) -> Result<PhaseFit,
         });
     }
     let (grid, a, b) = lattice_vectors(start.square, f[0], f[1]);
-    // Light ~ cos 2π f·(p − c): the phase at the sensor's middle m is f·(m − c).
+    // Light ~ cos 2π f·(p − c): the phase at the sensor's centre m is f·(m − c).
     let det = f[0][0] * f[1][1] - f[0][1] * f[1][0];
     let turns = [-phase[0], -phase[1]];
     let c = [
         middle[0] + (turns[0] * f[1][1] - turns[1] * f[0][1]) / det,
         middle[1] + (f[0][0] * turns[1] - f[1][0] * turns[0]) / det,
     ];
-    Ok(PhaseFit { lattice: centred(Lattice { grid, origin: c, a, b }, plane.width, plane.height), coherence })
+    Ok(PhaseFit { lattice: centred(Lattice { grid, origin: c, a, b }, image.width, image.height), coherence })
 }
 
-/// Light of one tile at both frequencies, phases referred to the sensor's middle.
+/// Phasors of one tile at both frequencies, unit length, phases referred to the sensor's centre.
 fn demodulate_tile(
-    plane: &SensorImage,
+    image: &SensorImage,
     x0: usize,
     y0: usize,
     side: usize,
@@ -141,7 +145,7 @@ fn demodulate_tile(
     let (cx, cy) = (x0 as f64 + (side as f64 - 1.0) / 2.0, y0 as f64 + (side as f64 - 1.0) / 2.0);
     let mut mean = 0f64;
     for y in 0..side {
-        mean += plane.row(y0 + y)[x0..x0 + side].iter().map(|&v| f64::from(v)).sum::<f64>();
+        mean += image.row(y0 + y)[x0..x0 + side].iter().map(|&v| f64::from(v)).sum::<f64>();
     }
     let mean = (mean / (side * side) as f64) as f32;
     let z = [0, 1].map(|w| {
@@ -153,7 +157,7 @@ fn demodulate_tile(
             .collect();
         let (mut re, mut im) = (0f64, 0f64);
         for (y, &weight) in window.iter().enumerate() {
-            let row = &plane.row(y0 + y)[x0..x0 + side];
+            let row = &image.row(y0 + y)[x0..x0 + side];
             let (mut r, mut i) = (0f32, 0f32);
             for (&v, &(c, s)) in row.iter().zip(&columns) {
                 r += (v - mean) * c;
@@ -164,7 +168,7 @@ fn demodulate_tile(
             re += k * (f64::from(r) * c - f64::from(i) * s);
             im += k * (f64::from(r) * s + f64::from(i) * c);
         }
-        // Unit length (a bright tile has no more say than a dark one), turned to what it would be at the middle.
+        // Unit length (bright and dark tiles weigh the same), rotated to the phase at the sensor's centre.
         let length = re.hypot(im).max(1e-30);
         let (s, c) = (-2.0 * PI * (f[w][0] * (cx - middle[0]) + f[w][1] * (cy - middle[1]))).sin_cos();
         ((re * c - im * s) / length, (re * s + im * c) / length)
@@ -173,14 +177,15 @@ fn demodulate_tile(
 }
 
 struct PhasePlane {
-    /// Turns a pixel.
+    /// Change of phase, turns a pixel.
     slope: [f64; 2],
-    /// Turns at the middle.
+    /// Phase at the sensor's centre, turns.
     phase: f64,
     coherence: f64,
 }
 
-/// Phase as a plane over the sensor: slopes from neighbouring tiles first (they cannot be a turn apart), then a robust line.
+/// Phase as a linear function over the sensor: slopes from neighbouring tiles first (their phases differ by less than half a
+/// turn), then eight rounds of a robust fit.
 fn fit_phase_plane(tiles: &[Tile], w: usize, nx: usize, ny: usize) -> PhasePlane {
     use std::f64::consts::PI;
     let mut slope = [0f64; 2];
@@ -218,7 +223,7 @@ fn fit_phase_plane(tiles: &[Tile], w: usize, nx: usize, ny: usize) -> PhasePlane
         phase = im.atan2(re) / (2.0 * PI);
         let plain = turned.iter().fold((0f64, 0f64), |s, z| (s.0 + z.0, s.1 + z.1));
         coherence = plain.0.hypot(plain.1) / tiles.len() as f64;
-        // What is left, in turns, wrapped; then a weighted line through it.
+        // Residual phase in turns, wrapped to ±½; then a weighted linear fit to it.
         let mut sums = [0f64; 9];
         for ((t, z), weight) in tiles.iter().zip(&turned).zip(weights.iter_mut()) {
             let rest = (z.1.atan2(z.0) / (2.0 * PI) - phase + 0.5).rem_euclid(1.0) - 0.5;

@@ -1,6 +1,6 @@
-//! The first guess of metadata or profile (pitch, rotation, row stretch of the lenslets): where the spectrum has peaks at the places it
-//! foretells, the lattice is theirs, even where something else in the image repeats more strongly.
-//! A guess that contradicts the image changes nothing.
+//! The prior lattice of metadata or camera profile (pitch, rotation, row stretch). If the spectrum peaks where the prior
+//! predicts, the prior's lattice wins, even where something else in the image repeats more strongly. A prior that contradicts
+//! the image changes nothing.
 
 use super::phase::{self, PhaseFit};
 use super::rotation::{self, Fundamentals};
@@ -9,35 +9,36 @@ use crate::calibration::error::Error;
 use crate::calibration::sensor_image::SensorImage;
 use crate::container::MlaHint;
 
-/// Share of the blind lattice's coherence over the sensor that the predicted_fundamentals one must have.
+/// Minimum coherence of the prior's lattice, relative to that of the blind estimate.
+/// Source: chosen
 const LEAST_SHARE: f64 = 0.8;
-/// A predicted_fundamentals peak counts when it stands this far above the median power at its distance (one met by chance must stand
-/// out more).
+/// Least prominence of a predicted peak; lower than that of peaks found without a prior, which may be chance.
+/// Source: chosen
 const LEAST_PROMINENCE: f64 = 4.0;
 
-/// Locks the lattice from the guess where the image bears it out, else from the spectrum alone.
+/// Fits the lattice from the prior where the spectrum confirms it, else from the spectrum alone (the blind estimate).
 ///
 /// # Errors
 /// [`Error::NoPattern`].
 pub fn fit_with_prior(
-    plane: &SensorImage,
+    image: &SensorImage,
     spectrum: &Spectrum,
-    guess: Option<&MlaHint>,
+    prior: Option<&MlaHint>,
 ) -> Result<(Fundamentals, PhaseFit), Error> {
-    let blind = rotation::find_fundamentals(spectrum).and_then(|start| Ok((start, phase::fit_phases(plane, &start)?)));
-    let guessed = guess
+    let blind = rotation::find_fundamentals(spectrum).and_then(|start| Ok((start, phase::fit_phases(image, &start)?)));
+    let from_prior = prior
         .and_then(|g| predicted_fundamentals(spectrum, g))
-        // A wrong guess may meet the pattern's own overtones; the pattern itself is as well taken as it was found.
+        // A wrong prior may predict harmonics of the pattern: then the blind estimate is kept.
         .filter(|g| blind.as_ref().map_or(true, |(b, _)| !is_combination_of(g, b)))
-        .and_then(|g| Some((g, phase::fit_phases(plane, &g).ok()?)));
-    match (guessed, blind) {
+        .and_then(|g| Some((g, phase::fit_phases(image, &g).ok()?)));
+    match (from_prior, blind) {
         (Some(found), Ok(blind)) if found.1.coherence < LEAST_SHARE * blind.1.coherence => Ok(blind),
         (Some(found), _) => Ok(found),
         (None, blind) => blind,
     }
 }
 
-/// Whether the frequencies of `a` are sums of those of `b`.
+/// Whether the frequencies of `a` are integer combinations of those of `b`.
 fn is_combination_of(a: &Fundamentals, b: &Fundamentals) -> bool {
     let det = b.f1[0] * b.f2[1] - b.f1[1] * b.f2[0];
     [a.f1, a.f2].iter().all(|f| {
@@ -46,15 +47,15 @@ fn is_combination_of(a: &Fundamentals, b: &Fundamentals) -> bool {
     })
 }
 
-/// The fundamentals a guess foretells, as the spectrum has them: three peaks 60 degrees apart. Cameras do not agree on the sign of
-/// the rotation.
-fn predicted_fundamentals(spectrum: &Spectrum, guess: &MlaHint) -> Option<Fundamentals> {
+/// The peaks of the spectrum at the fundamentals that a prior predicts: three, 60 degrees apart. Both signs of the rotation are
+/// tried, since cameras differ in it.
+fn predicted_fundamentals(spectrum: &Spectrum, prior: &MlaHint) -> Option<Fundamentals> {
     let (lowest, highest) = rotation::frequency_range();
     let list = spectral_peaks(spectrum, lowest, highest, 2000);
     let along = |rotation: f64| {
-        let row = 0.5 * 3f64.sqrt() * guess.row_stretch;
+        let row = 0.5 * 3f64.sqrt() * prior.row_stretch;
         let (s, c) = rotation.sin_cos();
-        let turn = |v: [f64; 2]| [guess.pitch * (c * v[0] - s * v[1]), guess.pitch * (s * v[0] + c * v[1])];
+        let turn = |v: [f64; 2]| [prior.pitch * (c * v[0] - s * v[1]), prior.pitch * (s * v[0] + c * v[1])];
         let (a, b) = (turn([1.0, 0.0]), turn([0.5, row]));
         let det = a[0] * b[1] - a[1] * b[0];
         let (f1, f2) = ([b[1] / det, -b[0] / det], [-a[1] / det, a[0] / det]);
@@ -62,12 +63,12 @@ fn predicted_fundamentals(spectrum: &Spectrum, guess: &MlaHint) -> Option<Fundam
             [f1, f2, [f1[0] + f2[0], f1[1] + f2[1]]].map(|f| rotation::strongest_peak_near(&list, f, spectrum.side));
         let [Some((p, f1)), Some((q, f2)), Some((r, f3))] = found else { return None };
         let prominence = p.prominence.min(q.prominence).min(r.prominence);
-        // The third must be where the other two put it.
+        // The third must be the sum of the other two.
         let bin = 1.5 / spectrum.side as f64;
         let closed = (f1[0] + f2[0] - f3[0]).hypot(f1[1] + f2[1] - f3[1]) < bin;
         let power = (p.power * q.power * r.power).cbrt();
         (prominence >= LEAST_PROMINENCE && closed).then_some(Fundamentals { square: false, f1, f2, prominence, power })
     };
-    let both = [along(guess.rotation), along(-guess.rotation)];
+    let both = [along(prior.rotation), along(-prior.rotation)];
     both.into_iter().flatten().max_by(|a, b| a.power.total_cmp(&b.power))
 }

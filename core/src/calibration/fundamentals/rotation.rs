@@ -1,23 +1,26 @@
-//! Algorithm 1, procedure 1, "rotation estimation": which spectral peaks are the lattice's, and the lattice they mean.
-//! Paper: the local maximum closest to zero frequency gives the direction of the lenslet rows.
+//! Algorithm 1, procedure 1, "rotation estimation": which spectral peaks are the fundamentals, and the lattice they imply.
+//! In the paper the local maximum closest to zero frequency gives the direction of the lenslet rows.
 
 use super::spectrum::{Peak, Spectrum, spectral_peaks};
 use crate::calibration::error::Error;
 use crate::calibration::model::Grid;
 
 /// Shortest and longest lattice period looked for, pixels (row distance of pitch 6 and above, pitch up to 40).
+/// Source: chosen; Lytro F01 9.9, Illum 14.3
 const PERIODS: [f64; 2] = [5.0, 42.0];
-/// How far a companion peak may be from its ideal place, as a share of the frequency.
+/// How far a companion peak may be from its ideal position, as a share of the frequency.
+/// Source: chosen
 const SLACK: f64 = 0.04;
-/// A peak counts when it stands this far above the median power at its distance.
+/// Least prominence of a peak: power over the median power at its distance from zero frequency.
+/// Source: chosen
 const LEAST_PROMINENCE: f64 = 12.0;
 
-/// Two fundamental frequencies of the lattice, cycles a pixel.
+/// Two fundamental frequencies of the lattice, (x, y) in cycles a pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fundamentals {
     /// Square or hexagonal (rows or columns is decided by the directions).
     pub square: bool,
-    /// First.
+    /// First fundamental.
     pub f1: [f64; 2],
     /// Second, 60 degrees (hexagonal) or 90 (square) from the first.
     pub f2: [f64; 2],
@@ -27,7 +30,7 @@ pub struct Fundamentals {
     pub power: f64,
 }
 
-/// Lowest and highest frequency a lattice is looked for at, cycles a pixel.
+/// Lowest and highest frequency of the lattices looked for, cycles a pixel.
 pub fn frequency_range() -> (f64, f64) {
     (1.0 / PERIODS[1], 1.0 / PERIODS[0])
 }
@@ -36,7 +39,7 @@ fn tolerance(f: [f64; 2], side: usize) -> f64 {
     (SLACK * f[0].hypot(f[1])).max(1.2 / side as f64)
 }
 
-/// The strongest peak beside a frequency, with its sign there, in a spectrum of `side` bins.
+/// The strongest peak near the frequency `at` in a spectrum of `side` bins a side, and its frequency with the sign of `at`.
 pub fn strongest_peak_near(list: &[Peak], at: [f64; 2], side: usize) -> Option<(Peak, [f64; 2])> {
     strongest_within(list, at, tolerance(at, side))
 }
@@ -57,8 +60,8 @@ fn strongest_within(list: &[Peak], at: [f64; 2], slack: f64) -> Option<(Peak, [f
         .max_by(|a, b| a.0.power.total_cmp(&b.0.power))
 }
 
-/// Finds the fundamentals: sets of peaks at equal distance from zero, 60 or 90 degrees apart; among sets of comparable
-/// strength the one closest to zero.
+/// Finds the fundamentals: sets of peaks at equal distance from zero frequency, 60 or 90 degrees apart; among sets of comparable
+/// power the one closest to zero.
 ///
 /// # Errors
 /// [`Error::NoPattern`] when no such set stands out.
@@ -92,7 +95,7 @@ pub fn find_fundamentals(spectrum: &Spectrum) -> Result<Fundamentals, Error> {
     }
     let strongest = sets.iter().map(|s| s.1.power).fold(0.0, f64::max);
     for set in sets {
-        // Overtones are weaker than their fundamentals, and farther from zero.
+        // Harmonics are weaker than their fundamentals, and farther from zero.
         if set.1.power >= 0.2 * strongest && best.as_ref().is_none_or(|b| set.0 < b.0 * 0.97) {
             best = Some(set);
         }

@@ -1,4 +1,4 @@
-//! Algorithm 1, procedure 1, "find local maxima in the frequency domain": windowed power spectrum, averaged over crops.
+//! Algorithm 1, procedure 1, "find local maxima in the frequency domain": Hann-windowed power spectrum, averaged over crops.
 
 use rayon::prelude::*;
 use rustfft::FftPlanner;
@@ -6,7 +6,8 @@ use rustfft::num_complex::Complex;
 
 use crate::calibration::sensor_image::SensorImage;
 
-/// Largest crop side. Bigger crops locate peaks better, smaller ones are quicker; the phases of the whole sensor refine the peaks anyway.
+/// Largest side of a crop, pixels. The phases over the whole sensor refine the peaks afterwards.
+/// Source: chosen; larger crops locate peaks better and take longer
 const LARGEST: usize = 512;
 
 /// Power over a square of `side` bins; frequency (0,0) is at (0,0), negative ones at the end.
@@ -25,7 +26,7 @@ pub struct Peak {
     pub frequency: [f64; 2],
     /// Power.
     pub power: f64,
-    /// Power over the median power at that distance from zero.
+    /// Power over the median power at that distance from zero frequency.
     pub prominence: f64,
 }
 
@@ -56,20 +57,20 @@ pub fn fft_size(limit: usize) -> usize {
 }
 
 /// Mean power spectrum of up to nine Hann-windowed crops spread over the image, each divided by its own mean.
-pub fn power_spectrum(plane: &SensorImage) -> Spectrum {
-    let side = fft_size(plane.width.min(plane.height).min(LARGEST));
+pub fn power_spectrum(image: &SensorImage) -> Spectrum {
+    let side = fft_size(image.width.min(image.height).min(LARGEST));
     let places = |length: usize| -> Vec<usize> {
         let room = length - side;
         match room / (side / 2) {
             0 => vec![room / 2],
             1 => vec![0, room],
-            // Near the middle of each third: the corners of a sensor are the darkest.
+            // Near the centre of each third: the corners of a sensor are the darkest.
             _ => vec![room / 6, room / 2, room - room / 6],
         }
     };
     let crops: Vec<(usize, usize)> =
-        places(plane.height).iter().flat_map(|&y| places(plane.width).into_iter().map(move |x| (x, y))).collect();
-    let powers: Vec<Vec<f32>> = crops.par_iter().map(|&(x, y)| crop_power(plane, x, y, side)).collect();
+        places(image.height).iter().flat_map(|&y| places(image.width).into_iter().map(move |x| (x, y))).collect();
+    let powers: Vec<Vec<f32>> = crops.par_iter().map(|&(x, y)| crop_power(image, x, y, side)).collect();
     let mut power = vec![0f32; side * side];
     for one in &powers {
         for (sum, v) in power.iter_mut().zip(one) {
@@ -79,17 +80,17 @@ pub fn power_spectrum(plane: &SensorImage) -> Spectrum {
     Spectrum { side, power }
 }
 
-fn crop_power(plane: &SensorImage, x0: usize, y0: usize, side: usize) -> Vec<f32> {
+fn crop_power(image: &SensorImage, x0: usize, y0: usize, side: usize) -> Vec<f32> {
     let window: Vec<f32> =
         (0..side).map(|k| 0.5 - 0.5 * (2.0 * std::f32::consts::PI * (k as f32 + 0.5) / side as f32).cos()).collect();
     let mut sum = 0f64;
     for y in 0..side {
-        sum += plane.row(y0 + y)[x0..x0 + side].iter().map(|&v| f64::from(v)).sum::<f64>();
+        sum += image.row(y0 + y)[x0..x0 + side].iter().map(|&v| f64::from(v)).sum::<f64>();
     }
     let mean = (sum / (side * side) as f64).max(1e-9) as f32;
     let mut data: Vec<Complex<f32>> = Vec::with_capacity(side * side);
     for y in 0..side {
-        let row = &plane.row(y0 + y)[x0..x0 + side];
+        let row = &image.row(y0 + y)[x0..x0 + side];
         data.extend(row.iter().zip(&window).map(|(&v, &w)| Complex::new((v / mean - 1.0) * w * window[y], 0.0)));
     }
     let fft = FftPlanner::new().plan_fft_forward(side);
@@ -117,7 +118,7 @@ fn crop_power(plane: &SensorImage, x0: usize, y0: usize, side: usize) -> Vec<f32
 pub fn spectral_peaks(spectrum: &Spectrum, lowest: f64, highest: f64, most: usize) -> Vec<Peak> {
     let n = spectrum.side as i64;
     let half = ((highest * n as f64).ceil() as i64).min(n / 2 - 2);
-    // The floor at each distance from zero: scenes and dust are strong near zero and must not look like peaks.
+    // The median at each distance from zero frequency: scenes and dust are strong near zero and must not count as peaks.
     let mut rings: Vec<Vec<f32>> = vec![Vec::new(); (half as usize * 3) / 2 + 2];
     let mut found = Vec::new();
     for ky in 0..=half {
@@ -186,17 +187,17 @@ mod tests {
 
     #[test]
     fn fast_transform_agrees_with_the_sum_written_out() {
-        let plane = wave(64, [0.11, 0.07]);
-        let fast = power_spectrum(&plane);
+        let image = wave(64, [0.11, 0.07]);
+        let fast = power_spectrum(&image);
         let n = 64usize;
         let hann = |k: usize| 0.5 - 0.5 * (2.0 * std::f64::consts::PI * (k as f64 + 0.5) / n as f64).cos();
-        let mean = plane.data.iter().map(|&v| f64::from(v)).sum::<f64>() / (n * n) as f64;
+        let mean = image.data.iter().map(|&v| f64::from(v)).sum::<f64>() / (n * n) as f64;
         for (kx, ky) in [(7i64, 4i64), (0, 0), (-3, 5), (8, 4)] {
             let mut sum = Complex::new(0f64, 0.0);
             for y in 0..n {
                 for x in 0..n {
                     let turn = -2.0 * std::f64::consts::PI * (kx as f64 * x as f64 + ky as f64 * y as f64) / n as f64;
-                    sum += Complex::from_polar((f64::from(plane.at(x, y)) / mean - 1.0) * hann(x) * hann(y), turn);
+                    sum += Complex::from_polar((f64::from(image.at(x, y)) / mean - 1.0) * hann(x) * hann(y), turn);
                 }
             }
             let slow = sum.norm_sqr() / (n * n) as f64;

@@ -1,6 +1,6 @@
-//! Algorithm 1 as the paper has it, step by step, for comparison with the default way: gamma, average, demosaic by equal
-//! channels, contrast stretch; rotation from the spectral peak nearest zero, the image rotated; erosion, local maxima,
-//! paraboloids; Delaunay triangulation and a regular triangle grid. Vignetting, noise and the second resampling pull its centres.
+//! Algorithm 1 as printed in the paper, for comparison with the default way: gamma, average, demosaic by equal channels,
+//! contrast stretch; rotation from the spectral peak nearest zero, the image rotated; erosion, local maxima, paraboloids;
+//! Delaunay triangulation and a regular triangle grid. Vignetting, noise and the second resampling bias its centres.
 
 use std::borrow::Borrow;
 
@@ -18,13 +18,16 @@ use crate::container::Capture;
 use crate::progress::Observer;
 
 /// Radius of the eroding disc, in pitches.
+/// Source: chosen; the paper gives none
 const DISC: f64 = 0.2;
-/// Distance between two maxima, in pitches.
+/// Least distance between two maxima, in pitches.
+/// Source: chosen; the paper gives none
 const APART: f64 = 0.45;
-/// Light under which a maximum is no lenslet (of the stretched range).
+/// Least value of a maximum, as a share of the stretched range.
+/// Source: chosen
 const FLOOR: f32 = 0.05;
 
-/// Every image on the way (the paper's figures 4 to 6) and what came out.
+/// The image after each step (the paper's figures 4 to 6), and the results.
 #[derive(Debug, Clone)]
 pub struct Algorithm1Stages {
     /// Encoded average of the captures (4a).
@@ -41,48 +44,59 @@ pub struct Algorithm1Stages {
     pub turned: SensorImage,
     /// Eroded image (6a).
     pub eroded: SensorImage,
-    /// Centres in the *unrotated* image (6c), all that were found.
+    /// Centres in the *unrotated* image (6c), (x, y) in pixels.
     pub centres: Vec<[f64; 2]>,
-    /// Delaunay edges between them (6d).
+    /// Delaunay edges (6d), as pairs of indices into `centres`.
     pub edges: Vec<[usize; 2]>,
-    /// The lattice fitted.
+    /// The fitted lattice.
     pub lattice: Lattice,
-    /// Lenslets: found ones where they were found (trust 1), the others on the lattice (trust 0).
+    /// Lenslets by (j, i): at a centre found (trust 1), else on the lattice (trust 0).
     pub lenslets: Vec<Lenslet>,
-    /// RMS distance of found centres from the lattice, pixels.
+    /// RMS distance of the centres found from the lattice, pixels.
     pub residual_rms: f64,
-    /// Agreement of the pattern's phases.
+    /// Coherence of the pattern's phases, 0 to 1.
     pub coherence: f64,
-    /// Prominence of the spectral peaks.
+    /// Prominence of the weaker fundamental.
     pub prominence: f64,
 }
 
-/// Runs the paper's steps.
+/// Runs the paper's steps on captures of one camera and size.
+///
+/// ```
+/// # mod drawn { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/drawn.rs")); }
+/// # use drawn::*;
+/// use lenslet_core::calibration::paper::run_algorithm1;
+///
+/// let stages = run_algorithm1(&[drawn_white()], &lenslet_core::progress::Silent)?;
+/// assert!((stages.lattice.pitch() - 10.0).abs() < 0.05 && stages.angle.abs() < 0.01);
+/// assert!(stages.centres.len() > 100 && stages.edges.len() > stages.centres.len());
+/// # Ok::<(), lenslet_core::calibration::Error>(())
+/// ```
 ///
 /// # Errors
 /// As [`crate::calibration::calibrate`].
 pub fn run_algorithm1<C: Borrow<Capture>>(captures: &[C], observer: &dyn Observer) -> Result<Algorithm1Stages, Error> {
     let step = |name: &str| {
         observer.begin(name, 0);
-        if observer.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
+        observer.check()
     };
     step("average")?;
     let exponent = captures.first().map_or(gamma::DEFAULT_EXPONENT, |c| gamma::gamma_exponent(c.borrow()));
     let average = average::average_captures(captures, |v| gamma::encode_gamma(v, exponent))?;
-    let mut plane = average.clone();
-    equalise::equalise_channels(&mut plane);
-    let spectrum = spectrum::power_spectrum(&plane);
-    let equalised = plane.clone();
-    stretch::stretch_contrast(&mut plane);
+    let mut image = average.clone();
+    equalise::equalise_channels(&mut image);
+    let spectrum = spectrum::power_spectrum(&image);
+    let equalised = image.clone();
+    stretch::stretch_contrast(&mut image);
     step("rotate")?;
 
     let start = rotation::find_fundamentals(&spectrum)?;
-    let locked = phase::fit_phases(&plane, &start)?;
+    let locked = phase::fit_phases(&image, &start)?;
     let (packing, a, b) = rotation::lattice_vectors(start.square, start.f1, start.f2);
     let guess = Lattice { grid: packing, origin: locked.lattice.origin, a, b };
     let angle = guess.rotation();
-    let (width, height) = (plane.width, plane.height);
-    let turned = rotate::rotate_image(&plane, angle);
+    let (width, height) = (image.width, image.height);
+    let turned = rotate::rotate_image(&image, angle);
     step("erode")?;
 
     let pitch = guess.pitch();
@@ -120,7 +134,7 @@ pub fn run_algorithm1<C: Borrow<Capture>>(captures: &[C], observer: &dyn Observe
         .into_iter()
         .map(|[i, j]| {
             let at = grid.centre(i, j);
-            // A maximum half a pitch away is another thing.
+            // A maximum half a pitch or more away is not this lenslet's.
             let own = found.get(&(j, i)).filter(|c| (c[0] - at[0]).hypot(c[1] - at[1]) < 0.5 * pitch);
             let [x, y] = own.copied().unwrap_or(at);
             Lenslet { i, j, x, y, trust: if own.is_some() { 1.0 } else { 0.0 } }
@@ -129,7 +143,7 @@ pub fn run_algorithm1<C: Borrow<Capture>>(captures: &[C], observer: &dyn Observe
     Ok(Algorithm1Stages {
         average,
         equalised,
-        stretched: plane,
+        stretched: image,
         spectrum,
         angle,
         turned,

@@ -1,12 +1,13 @@
-//! Algorithm 1, "gamma correction": light is encoded by the camera's exponent before averaging, as the paper has it. The default
-//! way leaves it out: centres are measured in linear light, where vignetting is a factor and noise has a known shape.
+//! Algorithm 1, "gamma correction": light is encoded by the camera's exponent before averaging. The default way leaves it out:
+//! centres are measured in linear light, where vignetting is a factor and the noise variance is linear in the light.
 
 use crate::container::Capture;
 
-/// Exponent of a camera that does not say (Lytro F01).
+/// Exponent where the metadata give none.
+/// Source: metadata of Lytro F01 captures, 0.41666
 pub const DEFAULT_EXPONENT: f32 = 1.0 / 2.4;
 
-/// The exponent a capture's metadata give, if it is one at all.
+/// The exponent in a capture's metadata if it lies within 0.05 to 1, else [`DEFAULT_EXPONENT`].
 pub fn gamma_exponent(capture: &Capture) -> f32 {
     match capture.colour.gamma {
         Some(g) if g.is_finite() && (0.05..=1.0).contains(&g) => g,
@@ -14,7 +15,7 @@ pub fn gamma_exponent(capture: &Capture) -> f32 {
     }
 }
 
-/// `light` raised to `exponent`; light below black is black.
+/// `light` raised to `exponent`; light below the black level becomes 0.
 #[inline]
 pub fn encode_gamma(light: f32, exponent: f32) -> f32 {
     light.max(0.0).powf(exponent)

@@ -1,22 +1,23 @@
-//! Algorithm 1, "find local maxima": pixels that no pixel within a distance exceeds.
+//! Algorithm 1, "find local maxima": pixels that no pixel within a radius exceeds.
 
 use rayon::prelude::*;
 
 use crate::calibration::sensor_image::SensorImage;
 
-/// Pixels (x, y), row by row, above `floor` and not below any pixel within `radius`; of equal ones near each other the first.
-pub fn local_maxima(plane: &SensorImage, radius: f64, floor: f32) -> Vec<[usize; 2]> {
+/// Pixels (x, y), row by row, above `floor` and not below any pixel within `radius` pixels; of equal ones within the radius only
+/// the first.
+pub fn local_maxima(image: &SensorImage, radius: f64, floor: f32) -> Vec<[usize; 2]> {
     let reach = radius.max(1.0) as i64;
-    let (width, height) = (plane.width as i64, plane.height as i64);
+    let (width, height) = (image.width as i64, image.height as i64);
     let disc: Vec<(i64, i64)> = (-reach..=reach)
         .flat_map(|dy| (-reach..=reach).map(move |dx| (dx, dy)))
         .filter(|&(dx, dy)| (dx, dy) != (0, 0) && (dx * dx + dy * dy) as f64 <= radius * radius)
         .collect();
-    let rows: Vec<Vec<[usize; 2]>> = (0..plane.height)
+    let rows: Vec<Vec<[usize; 2]>> = (0..image.height)
         .into_par_iter()
         .map(|y| {
             let mut found = Vec::new();
-            for (x, &v) in plane.row(y).iter().enumerate() {
+            for (x, &v) in image.row(y).iter().enumerate() {
                 if v <= floor {
                     continue;
                 }
@@ -25,7 +26,7 @@ pub fn local_maxima(plane: &SensorImage, radius: f64, floor: f32) -> Vec<[usize;
                     if nx < 0 || ny < 0 || nx >= width || ny >= height {
                         return true;
                     }
-                    let other = plane.at(nx as usize, ny as usize);
+                    let other = image.at(nx as usize, ny as usize);
                     let earlier = dy < 0 || (dy == 0 && dx < 0);
                     other < v || (other == v && !earlier)
                 });
@@ -49,8 +50,8 @@ mod tests {
         for (x, y, v) in [(3, 3, 5.0), (4, 3, 5.0), (12, 6, 2.0), (14, 6, 3.0), (0, 11, 1.0), (19, 0, 0.2)] {
             data[y * 20 + x] = v;
         }
-        let plane = SensorImage { width: 20, height: 12, data, limit: [f32::MAX; 4] };
-        assert_eq!(local_maxima(&plane, 2.5, 0.5), [[3, 3], [14, 6], [0, 11]]);
-        assert_eq!(local_maxima(&plane, 1.5, 0.5), [[3, 3], [12, 6], [14, 6], [0, 11]]);
+        let image = SensorImage { width: 20, height: 12, data, limit: [f32::MAX; 4] };
+        assert_eq!(local_maxima(&image, 2.5, 0.5), [[3, 3], [14, 6], [0, 11]]);
+        assert_eq!(local_maxima(&image, 1.5, 0.5), [[3, 3], [12, 6], [14, 6], [0, 11]]);
     }
 }

@@ -1,5 +1,5 @@
-//! Algorithm 1 as the paper prints it, and lesser variants, for comparison with the default way. Nothing outside this folder
-//! resamples the sensor image.
+//! Algorithm 1 as printed in the paper (section 3.2), and simplified variants, for comparison with the default way. Only here is
+//! the sensor image resampled.
 
 pub mod algorithm1;
 pub mod erosion;

@@ -1,13 +1,13 @@
 //! Algorithm 1, "fit paraboloid" (figure 6b): min over the six coefficients of Σ (I(x, y) − c0 − c1·x − c2·y − c3·x² − c4·xy − c5·y²)²
-//! over a small square about a local maximum; its top is the centre below a pixel.
+//! over a small square around a local maximum; its top is the sub-pixel centre.
 
 use crate::calibration::linear;
 use crate::calibration::sensor_image::SensorImage;
 
-/// Top of the least-squares paraboloid over the (2·`reach`+1)² pixels about (`x`, `y`); `None` at the border, where the
+/// Top of the least-squares paraboloid over the (2·`reach`+1)² pixels around (`x`, `y`); `None` at the border, where the
 /// paraboloid has no top, or where the top lies more than a pixel and a half away.
-pub fn paraboloid_top(plane: &SensorImage, x: usize, y: usize, reach: usize) -> Option<[f64; 2]> {
-    if x < reach || y < reach || x + reach >= plane.width || y + reach >= plane.height {
+pub fn paraboloid_top(image: &SensorImage, x: usize, y: usize, reach: usize) -> Option<[f64; 2]> {
+    if x < reach || y < reach || x + reach >= image.width || y + reach >= image.height {
         return None;
     }
     let mut normal = [[0f64; 6]; 6];
@@ -16,7 +16,7 @@ pub fn paraboloid_top(plane: &SensorImage, x: usize, y: usize, reach: usize) -> 
         for px in x - reach..=x + reach {
             let (dx, dy) = (px as f64 - x as f64, py as f64 - y as f64);
             let row = [1.0, dx, dy, dx * dx, dx * dy, dy * dy];
-            let v = f64::from(plane.at(px, py));
+            let v = f64::from(image.at(px, py));
             for (k, line) in normal.iter_mut().enumerate() {
                 for (cell, other) in line.iter_mut().zip(row) {
                     *cell += row[k] * other;
@@ -46,17 +46,17 @@ mod tests {
             let (x, y) = ((k % 12) as f64 - cx, (k / 12) as f64 - cy);
             (3.0 - sign * (0.2 * x * x + 0.1 * x * y + 0.3 * y * y)) as f32
         };
-        let plane = |sign| SensorImage {
+        let image = |sign| SensorImage {
             width: 12,
             height: 12,
             data: (0..144).map(|k| at(k, sign)).collect(),
             limit: [f32::MAX; 4],
         };
         for reach in 1..=3 {
-            let [x, y] = paraboloid_top(&plane(1.0), 5, 7, reach).unwrap();
+            let [x, y] = paraboloid_top(&image(1.0), 5, 7, reach).unwrap();
             assert!((x - cx).hypot(y - cy) < 1e-4);
         }
-        assert!(paraboloid_top(&plane(-1.0), 5, 7, 1).is_none());
-        assert!(paraboloid_top(&plane(1.0), 0, 7, 1).is_none());
+        assert!(paraboloid_top(&image(-1.0), 5, 7, 1).is_none());
+        assert!(paraboloid_top(&image(1.0), 0, 7, 1).is_none());
     }
 }

@@ -1,11 +1,11 @@
-//! Algorithm 1, "rotate image by the estimated angle": the paper's way, which resamples every pixel; kept for comparison.
-//! The default way never does this.
+//! Algorithm 1, "rotate image by the estimated angle": resamples every pixel, bilinear. The default way does not rotate.
 
 use rayon::prelude::*;
 
 use crate::calibration::sensor_image::SensorImage;
 
-/// Where the point of the turned image lies in the unturned one: a turn by `angle` (radians, clockwise on screen) about the middle.
+/// The position in the unrotated image of a point of the rotated one: rotation by `angle` (radians, clockwise on screen) about
+/// the centre of an image of `width`×`height` pixels.
 #[inline]
 pub fn to_unrotated(point: [f64; 2], angle: f64, width: usize, height: usize) -> [f64; 2] {
     let middle = [(width as f64 - 1.0) / 2.0, (height as f64 - 1.0) / 2.0];
@@ -14,9 +14,9 @@ pub fn to_unrotated(point: [f64; 2], angle: f64, width: usize, height: usize) ->
     [middle[0] + c * dx - s * dy, middle[1] + s * dx + c * dy]
 }
 
-/// The image turned so that what lay at `angle` lies level, bilinear between pixels; outside it is 0.
-pub fn rotate_image(plane: &SensorImage, angle: f64) -> SensorImage {
-    let (width, height) = (plane.width, plane.height);
+/// The image rotated so that a direction at `angle` (radians, clockwise on screen) becomes horizontal; 0 outside the original.
+pub fn rotate_image(image: &SensorImage, angle: f64) -> SensorImage {
+    let (width, height) = (image.width, image.height);
     let mut data = vec![0f32; width * height];
     data.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
         for (x, out) in row.iter_mut().enumerate() {
@@ -26,12 +26,12 @@ pub fn rotate_image(plane: &SensorImage, angle: f64) -> SensorImage {
             }
             let (x0, y0) = ((sx as usize).min(width - 2), (sy as usize).min(height - 2));
             let (fx, fy) = ((sx - x0 as f64) as f32, (sy - y0 as f64) as f32);
-            let top = plane.at(x0, y0) * (1.0 - fx) + plane.at(x0 + 1, y0) * fx;
-            let bottom = plane.at(x0, y0 + 1) * (1.0 - fx) + plane.at(x0 + 1, y0 + 1) * fx;
+            let top = image.at(x0, y0) * (1.0 - fx) + image.at(x0 + 1, y0) * fx;
+            let bottom = image.at(x0, y0 + 1) * (1.0 - fx) + image.at(x0 + 1, y0 + 1) * fx;
             *out = top * (1.0 - fy) + bottom * fy;
         }
     });
-    SensorImage { width, height, data, limit: plane.limit }
+    SensorImage { width, height, data, limit: image.limit }
 }
 
 #[cfg(test)]
@@ -42,13 +42,13 @@ mod tests {
     fn a_linear_ramp_turns_exactly() {
         let (w, h) = (40, 30);
         let data = (0..w * h).map(|k| (2 * (k % w) + 3 * (k / w)) as f32).collect();
-        let plane = SensorImage { width: w, height: h, data, limit: [f32::MAX; 4] };
-        let turned = rotate_image(&plane, 0.1);
+        let image = SensorImage { width: w, height: h, data, limit: [f32::MAX; 4] };
+        let turned = rotate_image(&image, 0.1);
         for (x, y) in [(20, 15), (12, 9), (27, 20)] {
             let [sx, sy] = to_unrotated([x as f64, y as f64], 0.1, w, h);
             assert!((f64::from(turned.at(x, y)) - (2.0 * sx + 3.0 * sy)).abs() < 1e-4);
         }
         assert_eq!(turned.at(0, 0), 0.0);
-        assert_eq!(rotate_image(&plane, 0.0).data, plane.data);
+        assert_eq!(rotate_image(&image, 0.0).data, image.data);
     }
 }

@@ -3,14 +3,16 @@
 use crate::calibration::sensor_image::SensorImage;
 
 /// Share of pixels clipped at each end.
+/// Source: chosen; the paper gives none
 const CLIPPED: f64 = 0.01;
-/// Steps of the histogram.
+/// Bins of the histogram.
+/// Source: chosen
 const STEPS: usize = 4096;
 
-/// Stretches the values so that all but a hundredth at each end fill 0..1.
-pub fn stretch_contrast(plane: &mut SensorImage) {
+/// Stretches the values so that all but a hundredth at each end fill 0 to 1; a constant image stays as it is.
+pub fn stretch_contrast(image: &mut SensorImage) {
     let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-    for &v in &plane.data {
+    for &v in &image.data {
         low = low.min(v);
         high = high.max(v);
     }
@@ -19,10 +21,10 @@ pub fn stretch_contrast(plane: &mut SensorImage) {
     }
     let scale = (STEPS - 1) as f32 / (high - low);
     let mut counts = vec![0usize; STEPS];
-    for &v in &plane.data {
+    for &v in &image.data {
         counts[((v - low) * scale) as usize] += 1;
     }
-    let clipped = (plane.data.len() as f64 * CLIPPED) as usize;
+    let clipped = (image.data.len() as f64 * CLIPPED) as usize;
     let step = |n: usize| low + n as f32 / scale;
     let mut sum = 0;
     let bottom = step(
@@ -48,10 +50,10 @@ pub fn stretch_contrast(plane: &mut SensorImage) {
                 .unwrap_or(0),
     );
     let gain = 1.0 / (top - bottom).max(1e-6);
-    for v in &mut plane.data {
+    for v in &mut image.data {
         *v = ((*v - bottom) * gain).clamp(0.0, 1.0);
     }
-    plane.limit = [f32::INFINITY; 4];
+    image.limit = [f32::INFINITY; 4];
 }
 
 #[cfg(test)]
@@ -61,10 +63,10 @@ mod tests {
     #[test]
     fn ends_are_clipped_and_the_rest_fills_the_range() {
         let data: Vec<f32> = (0..10_000).map(|k| 3.0 + 0.0002 * k as f32).collect();
-        let mut plane = SensorImage { width: 100, height: 100, data, limit: [1.0; 4] };
-        stretch_contrast(&mut plane);
-        assert!(plane.data[..90].iter().all(|&v| v == 0.0) && plane.data[9910..].iter().all(|&v| v == 1.0));
-        assert!((plane.data[5000] - 0.5).abs() < 0.01);
+        let mut image = SensorImage { width: 100, height: 100, data, limit: [1.0; 4] };
+        stretch_contrast(&mut image);
+        assert!(image.data[..90].iter().all(|&v| v == 0.0) && image.data[9910..].iter().all(|&v| v == 1.0));
+        assert!((image.data[5000] - 0.5).abs() < 0.01);
         let mut flat = SensorImage { width: 2, height: 1, data: vec![0.4; 2], limit: [1.0; 4] };
         stretch_contrast(&mut flat);
         assert_eq!(flat.data, [0.4; 2]);

@@ -1,4 +1,4 @@
-//! Algorithm 1, "fit Delaunay triangulation" (figure 6d): neighbours of centres, and from them the lattice index of each.
+//! Algorithm 1, "fit Delaunay triangulation" (figure 6d): the neighbours of centres, and from them each centre's lattice index.
 
 use spade::{DelaunayTriangulation, HasPosition, Point2, Triangulation};
 
@@ -13,10 +13,10 @@ impl HasPosition for Vertex {
     }
 }
 
-/// Edges of the Delaunay triangulation of the centres, as pairs of their numbers; empty when there is none (points that are
-/// not finite, or coincide).
+/// Edges of the Delaunay triangulation of the centres, as pairs of indices; empty where it does not exist (points that are not
+/// finite, or coincide).
 pub fn delaunay_edges(centres: &[[f64; 2]]) -> Vec<[usize; 2]> {
-    // Coordinates too small for the library's predicates count as zero.
+    // Coordinates too small for the triangulation's predicates count as zero.
     let tidy = |v: f64| if v.abs() < 1e-9 { 0.0 } else { v };
     let vertices: Vec<Vertex> = centres.iter().map(|c| Vertex(Point2::new(tidy(c[0]), tidy(c[1])))).collect();
     match DelaunayTriangulation::<Vertex>::bulk_load_stable(vertices) {

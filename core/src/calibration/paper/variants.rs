@@ -1,4 +1,4 @@
-//! Variants of a calibration for comparison: the paper's own centres, or the default's with less in them.
+//! Variants of a calibration for comparison: the paper's own centres, or simplified ones of the default.
 
 use super::algorithm1;
 use crate::calibration::error::Error;
@@ -8,7 +8,10 @@ use crate::calibration::options::CalibrationVariant;
 use crate::container::Capture;
 use crate::progress::Observer;
 
-/// Replaces the centres by those of a lesser variant.
+/// Replaces lattice and centres of a full calibration by those of `variant`; `captures` are what it was made from.
+///
+/// # Errors
+/// As [`algorithm1::run_algorithm1`].
 pub fn apply_variant(
     found: &mut Calibration,
     captures: &[&Capture],
@@ -58,7 +61,8 @@ pub fn apply_variant(
     Ok(())
 }
 
-/// The ideal grid with `found`'s packing and a lenslet where `found` has its (0, 0): pitch and rotation as given, no stretch.
+/// The ideal grid with the packing and origin of `found`, of the given pitch (pixels) and rotation (radians), without row
+/// stretch.
 pub fn ideal_lattice(found: &Lattice, pitch: f64, rotation: f64, width: usize, height: usize) -> Lattice {
     let (s, c) = rotation.sin_cos();
     let a = match found.grid {

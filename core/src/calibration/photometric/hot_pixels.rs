@@ -1,6 +1,6 @@
-//! Hot pixels: bright without light, as black images (captures with the lens covered) show. Each image votes with the pixels
-//! that stand out of its own noise; more than half of the votes make a pixel hot. (Algorithm 1 has no word for them; a hot pixel
-//! under a lenslet pulls its paraboloid.)
+//! Hot pixels: bright without light, found in black images (captures with the lens covered). Each image votes for the pixels
+//! that exceed its own noise; a pixel with more than half of the votes is hot. (Not part of Algorithm 1; a hot pixel under a
+//! lenslet biases its centre.)
 
 use rayon::prelude::*;
 
@@ -9,20 +9,37 @@ use crate::calibration::error::Error;
 use crate::calibration::sensor_image::SensorImage;
 use crate::container::Capture;
 
-/// Robust standard deviations above the median from which a pixel stands out.
+/// Threshold above the median of a black image, in robust standard deviations (1.4826 · median absolute deviation).
+/// Source: chosen
 const OUTLIER: f64 = 8.0;
-/// … and share of the range between black and white level it must stand out by at least.
+/// Lower bound of that threshold, as a share of the range between black and white level.
+/// Source: chosen
 const LEAST: f64 = 0.01;
 /// Median above the black level, as a share of the range, from which an image is not black.
+/// Source: chosen
 const LIGHT: f64 = 0.05;
 
 /// At most one of this many pixels of a sensor may be hot.
+/// Source: chosen
 pub const PIXELS_PER_HOT_PIXEL: usize = 100;
 
-/// Pixels (`y·width + x`, ascending) that more than half of the black images show bright; none without images.
+/// Pixels (`y·width + x`, ascending) that are bright in more than half of the black images; none without images.
+///
+/// ```
+/// use lenslet_core::calibration::find_hot_pixels;
+/// use lenslet_core::container::{Capture, Cfa, Levels, RawMosaic};
+///
+/// let mut data: Vec<u16> = (0..96 * 80u32).map(|k| 166 + (k * 7919 % 5) as u16).collect(); // dark noise around 168
+/// data[1234] = 400;
+/// let levels = Levels { black: [168.0; 4], white: [4095.0; 4] };
+/// let black = Capture::bare(RawMosaic { width: 96, height: 80, data }, Cfa::Bggr, levels);
+/// assert_eq!(find_hot_pixels(&[black])?, [1234]);
+/// # Ok::<(), lenslet_core::calibration::Error>(())
+/// ```
 ///
 /// # Errors
-/// Images of different cameras or sizes, images that are not black, more than one pixel in a hundred hot.
+/// [`Error::SizesDiffer`], [`Error::CamerasDiffer`], [`Error::BadImage`]; [`Error::NotBlack`] for an image with light on it, or
+/// when more than one pixel in a hundred is hot.
 pub fn find_hot_pixels(blacks: &[Capture]) -> Result<Vec<u32>, Error> {
     if blacks.is_empty() {
         return Ok(Vec::new());
@@ -30,7 +47,7 @@ pub fn find_hot_pixels(blacks: &[Capture]) -> Result<Vec<u32>, Error> {
     checks::check_same_camera(blacks)?;
     let width = blacks[0].mosaic.width;
     let mut votes = vec![0u8; blacks[0].mosaic.data.len()];
-    // So many images tell all there is to tell.
+    // Votes are counted in a u8; 255 suffice.
     let voters = &blacks[..blacks.len().min(usize::from(u8::MAX))];
     for (n, black) in voters.iter().enumerate() {
         let limits = noise_limits(black).ok_or(Error::NotBlack { index: n + 1 })?;
@@ -64,10 +81,10 @@ fn noise_limits(black: &Capture) -> Option<[f64; 4]> {
         for (v, &count) in counts.iter().enumerate() {
             off[v.abs_diff(median)] += count;
         }
-        // Half a step of the digital numbers is the least noise there can be.
+        // Quantisation: the noise is at least half a step of the digital numbers.
         let noise = (1.4826 * histogram_median(&off) as f64).max(0.5);
-        let plane = black.cfa.plane(k & 1, k >> 1);
-        let (dark, white) = (f64::from(black.levels.black[plane]), f64::from(black.levels.white[plane]));
+        let channel = black.cfa.plane(k & 1, k >> 1);
+        let (dark, white) = (f64::from(black.levels.black[channel]), f64::from(black.levels.white[channel]));
         if median as f64 > dark + LIGHT * (white - dark) {
             return None;
         }
@@ -89,7 +106,7 @@ fn histogram_median(counts: &[u64]) -> usize {
         .unwrap_or(0)
 }
 
-/// Refuses a list of hot pixels that is not one of this sensor's.
+/// Refuses a list of hot pixels that is not ascending, not on a sensor of `pixels` pixels, or too long.
 pub fn check_hot_pixels(hot: &[u32], pixels: usize) -> Result<(), Error> {
     let ordered = hot.windows(2).all(|w| w[0] < w[1]);
     if ordered && hot.last().is_none_or(|&k| (k as usize) < pixels) && hot.len() <= pixels / PIXELS_PER_HOT_PIXEL {
@@ -98,9 +115,9 @@ pub fn check_hot_pixels(hot: &[u32], pixels: usize) -> Result<(), Error> {
     Err(Error::Parameter("the hot pixels must be ascending, on the sensor, and at most one in a hundred".into()))
 }
 
-/// Puts the mean of the nearest pixels of the same colour in the place of each hot one.
-pub fn fill_hot_pixels(plane: &mut SensorImage, hot: &[u32]) {
-    let (width, height) = (plane.width, plane.height);
+/// Replaces each hot pixel by the mean of the four nearest pixels of the same colour that are not hot.
+pub fn fill_hot_pixels(image: &mut SensorImage, hot: &[u32]) {
+    let (width, height) = (image.width, image.height);
     let found: Vec<f32> = hot
         .iter()
         .map(|&k| {
@@ -108,21 +125,21 @@ pub fn fill_hot_pixels(plane: &mut SensorImage, hot: &[u32]) {
             let (mut sum, mut n) = (0f32, 0f32);
             for (x, y) in [(x.wrapping_sub(2), y), (x + 2, y), (x, y.wrapping_sub(2)), (x, y + 2)] {
                 if x < width && y < height && hot.binary_search(&((y * width + x) as u32)).is_err() {
-                    sum += plane.at(x, y);
+                    sum += image.at(x, y);
                     n += 1.0;
                 }
             }
-            if n > 0.0 { sum / n } else { plane.at(x, y).min(1.0) }
+            if n > 0.0 { sum / n } else { image.at(x, y).min(1.0) }
         })
         .collect();
     for (&k, v) in hot.iter().zip(found) {
-        plane.data[k as usize] = v;
+        image.data[k as usize] = v;
     }
 }
 
 /// Marks hot pixels as saturated, which measuring leaves out.
-pub fn mask_hot_pixels(plane: &mut SensorImage, hot: &[u32]) {
-    hot.iter().for_each(|&k| plane.data[k as usize] = f32::INFINITY);
+pub fn mask_hot_pixels(image: &mut SensorImage, hot: &[u32]) {
+    hot.iter().for_each(|&k| image.data[k as usize] = f32::INFINITY);
 }
 
 #[cfg(test)]
@@ -171,14 +188,14 @@ mod tests {
 
     #[test]
     fn a_hot_pixel_is_filled_from_its_colour() {
-        let mut plane =
+        let mut image =
             SensorImage { width: 8, height: 6, data: (0..48).map(|k| k as f32).collect(), limit: [99.0; 4] };
         let hot = [0, 20, 22];
-        mask_hot_pixels(&mut plane, &hot);
-        assert!(hot.iter().all(|&k| plane.data[k as usize] >= plane.limit[0]));
-        fill_hot_pixels(&mut plane, &hot);
+        mask_hot_pixels(&mut image, &hot);
+        assert!(hot.iter().all(|&k| image.data[k as usize] >= image.limit[0]));
+        fill_hot_pixels(&mut image, &hot);
         assert_eq!(
-            [plane.data[0], plane.data[20], plane.data[22]],
+            [image.data[0], image.data[20], image.data[22]],
             [(2.0 + 16.0) / 2.0, (18.0 + 4.0 + 36.0) / 3.0, 22.0]
         );
         assert!(

@@ -1,27 +1,29 @@
-//! The vignetting pattern decoding divides by: the white image itself, or, where there is none, the mean micro-image of the
-//! captures as it changes over the sensor.
+//! The vignetting pattern that decoding divides by: the white image itself or, without one, the mean micro-image of the
+//! captures, region by region.
 
 use rayon::prelude::*;
 
 use crate::calibration::model::{Lattice, Vignetting};
 use crate::calibration::sensor_image::SensorImage;
 
-/// What 1.0 is stored as.
+/// Fixed-point value of 1.0.
 const ONE: f32 = 32768.0;
-/// Sensor regions a side with a mean micro-image of their own.
+/// Regions a side of the sensor, each with its own mean micro-image.
+/// Source: chosen
 const REGIONS: usize = 5;
-/// Steps a lattice period is divided into: about two thirds of a pixel each.
+
+/// Bins that a lattice period is divided into: about two thirds of a pixel each, 8 to 48.
 fn bins_per_period(lattice: &Lattice) -> usize {
     ((1.5 * lattice.pitch()) as usize).clamp(8, 48)
 }
 
-/// The white image, with `full` (light at a lenslet centre where the light is full) as 1.
-pub fn vignetting_from_white(plane: &SensorImage, full: f64) -> Vignetting {
+/// The white image, scaled so that `full` (light at a lenslet centre under full illumination) is 1.
+pub fn vignetting_from_white(image: &SensorImage, full: f64) -> Vignetting {
     let scale = ONE / full as f32;
     Vignetting {
-        width: plane.width,
-        height: plane.height,
-        white: plane.data.par_iter().map(|&v| to_fixed_point(v * scale)).collect(),
+        width: image.width,
+        height: image.height,
+        white: image.data.par_iter().map(|&v| to_fixed_point(v * scale)).collect(),
     }
 }
 
@@ -29,13 +31,13 @@ fn to_fixed_point(v: f32) -> u16 {
     v.round().clamp(0.0, 65535.0) as u16
 }
 
-/// Mean micro-images, region by region, of a pattern whose local mean is 1 everywhere: what ordinary captures give. The broad light of
-/// the main lens cannot be told from the scene's and is left out. 1 = the middle of a lenslet.
+/// Mean micro-images, region by region, of a pattern whose local mean is 1, which is what ordinary captures give. The
+/// illumination by the main lens cannot be separated from the scenes' and is left out. The centre of a lenslet is 1.
 pub fn vignetting_from_captures(pattern: &SensorImage, lattice: &Lattice) -> Vignetting {
     let (width, height) = (pattern.width, pattern.height);
     let steps = bins_per_period(lattice);
     let cells = REGIONS * REGIONS * steps * steps;
-    // Bands of rows, summed in order: the same sums whatever the threads do.
+    // Bands of rows, summed in order, so that the sums do not depend on the number of threads.
     let band = 128;
     let bands: Vec<Vec<[f32; 2]>> = (0..height.div_ceil(band))
         .into_par_iter()
@@ -66,7 +68,7 @@ pub fn vignetting_from_captures(pattern: &SensorImage, lattice: &Lattice) -> Vig
         }
     }
     let images: Vec<Vec<f32>> = sums.chunks(steps * steps).map(|one| fill_bins(one, steps)).collect();
-    // Brightness of the middle of a lenslet: the lattice's integer points, where u and w are 0.
+    // Brightness at the centre of a lenslet: the lattice's integer points, where u and w are 0.
     let tops: Vec<f32> = images.iter().map(|i| sample_micro_image(i, steps, 0.0, 0.0).max(1e-3)).collect();
     let mut white = vec![0u16; width * height];
     white.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
@@ -86,12 +88,12 @@ pub fn vignetting_from_captures(pattern: &SensorImage, lattice: &Lattice) -> Vig
     Vignetting { width, height, white }
 }
 
-/// Place within the lattice's cell, 0..1 along a and b.
+/// Position within the lattice's cell, 0 to 1 along a and b.
 fn cell_position(lattice: &Lattice, x: usize, y: usize) -> [f64; 2] {
     lattice.coordinates(x as f64, y as f64).map(|v| v.rem_euclid(1.0))
 }
 
-/// The four bins about a place, and each one's share; periodic, the bins' middles are at half steps.
+/// The four bins around a position and their bilinear weights; periodic, the bins' centres are at half steps.
 #[inline]
 fn bilinear_bins(steps: usize, u: f64, w: f64) -> [(usize, f32); 4] {
     let (pu, pw) = (u * steps as f64 + steps as f64 - 0.5, w * steps as f64 + steps as f64 - 0.5);
@@ -110,8 +112,8 @@ fn sample_micro_image(image: &[f32], steps: usize, u: f64, w: f64) -> f32 {
     bilinear_bins(steps, u, w).iter().map(|&(cell, share)| share * image[cell]).sum()
 }
 
-/// Means of the bins. Where the pixels' raster keeps step with the lattice some bins are seldom or never met: those lean on
-/// their neighbours.
+/// Means of the bins. Bins with few or no pixels, which occur where lattice and pixel raster are commensurate, are smoothed
+/// towards their neighbours.
 fn fill_bins(sums: &[[f64; 2]], steps: usize) -> Vec<f32> {
     let total: [f64; 2] = sums.iter().fold([0.0; 2], |s, v| [s[0] + v[0], s[1] + v[1]]);
     if total[1] <= 0.0 {
@@ -135,7 +137,7 @@ fn fill_bins(sums: &[[f64; 2]], steps: usize) -> Vec<f32> {
     values.into_iter().map(|v| v as f32).collect()
 }
 
-/// The regions on either side of a pixel, and how far it is towards the second.
+/// The regions on either side of a pixel, and the weight of the second, 0 to 1.
 fn neighbouring_regions(p: usize, length: usize) -> (usize, usize, f32) {
     let at = ((p as f64 + 0.5) / length as f64 * REGIONS as f64 - 0.5).clamp(0.0, (REGIONS - 1) as f64);
     let low = at as usize;

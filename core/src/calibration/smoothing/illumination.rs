@@ -1,36 +1,41 @@
-//! The broad light of the main lens, from the lenslets' own brightness: its slope would pull every paraboloid towards the
-//! sensor's middle, so measuring divides by it.
+//! Illumination of the sensor by the main lens, F(x, y), from the lenslets' own brightness: a robust polynomial of degree 4 times
+//! a smoothed coarse grid of what the polynomial leaves. Its slope would bias every fitted centre towards the sensor's centre,
+//! so measuring divides by it.
 
 use crate::calibration::centres::measured::MeasuredLenslet;
 use crate::calibration::linear;
 
-/// Terms of the broad shape: polynomials of degree 4 in x and y.
+/// Terms of the polynomial: degree 4 in x and y.
+/// Source: chosen
 const TERMS: usize = 15;
-/// Steepest relative slope that what is left over the broad shape may have, 1/pixel.
+/// Steepest relative slope of the residual grid, 1/pixel; steeper ones (rims of shadows, dead lenslets) count as 0.
+/// Source: chosen
 const STEEPEST: f64 = 0.003;
-/// A cell this many times brighter or darker than the broad shape says nothing of the light.
+/// A cell this many times brighter or darker than the polynomial is ignored.
+/// Source: chosen
 const ODD: f64 = 1.6;
-/// Reweightings of its fit.
+/// Rounds of reweighting of the polynomial.
+/// Source: chosen
 const ROUNDS: usize = 5;
 
-/// Smooth brightness over the sensor: a broad polynomial times what is left of it on a coarse grid of cells.
+/// Smooth brightness over the sensor: a polynomial times the residual brightness on a coarse grid of cells.
 #[derive(Debug, Clone)]
 pub struct Illumination {
     broad: [f64; TERMS],
-    /// Least the broad shape may be, so that it stays light.
+    /// Lower bound of the polynomial, so that it stays positive.
     least: f64,
     middle: [f64; 2],
     half: f64,
     cell: f64,
     columns: usize,
     rows: usize,
-    /// Brightness over the broad shape.
+    /// Brightness of each cell relative to the polynomial, `rows·columns` values.
     values: Vec<f64>,
 }
 
 impl Illumination {
-    /// Robust polynomial through the lenslets' brightness; then medians of what is left over cells of about six lenslets a side,
-    /// holes filled from neighbours, smoothed.
+    /// Fits the illumination to the usable lenslets of a sensor of `width`×`height` pixels: a robust polynomial, then medians of
+    /// the ratio over cells of about six lenslets a side, holes filled from neighbours, smoothed twice.
     pub fn new(measured: &[MeasuredLenslet], width: usize, height: usize, pitch: f64) -> Self {
         let cell = (6.0 * pitch).max(width.max(height) as f64 / 256.0);
         let columns = (width as f64 / cell).ceil().max(1.0) as usize;
@@ -71,7 +76,7 @@ impl Illumination {
         [(x - self.middle[0]) / self.half, (y - self.middle[1]) / self.half]
     }
 
-    /// What is left over the broad shape, bilinear between the cells' middles, held at the border.
+    /// The residual grid at (`x`, `y`): bilinear between the cells' centres, constant beyond the border.
     fn rest_at(&self, x: f64, y: f64) -> f64 {
         let u = (x / self.cell - 0.5).clamp(0.0, (self.columns - 1) as f64);
         let v = (y / self.cell - 0.5).clamp(0.0, (self.rows - 1) as f64);
@@ -88,7 +93,8 @@ impl Illumination {
         self.broad_at(x, y) * self.rest_at(x, y)
     }
 
-    /// Relative slope (∂F/∂x, ∂F/∂y)/F at (`x`, `y`), 1/pixel; what is left over a cell's distance, one-sided at the border.
+    /// Relative slope (∂F/∂x, ∂F/∂y)/F at (`x`, `y`), 1/pixel; that of the residual grid is taken over the distance of a cell,
+    /// one-sided at the border.
     pub fn relative_slope(&self, x: f64, y: f64) -> [f64; 2] {
         let (right, bottom) = ((self.columns as f64 - 0.5) * self.cell, (self.rows as f64 - 0.5) * self.cell);
         let bounds = |p: f64, end: f64| {
@@ -104,7 +110,6 @@ impl Illumination {
                 (self.rest_at(x, low), self.rest_at(x, high))
             };
             let slope = (b - a) / ((high - low) * here);
-            // Steeper is no light's slope but the rim of a shadow or of dead lenslets.
             if slope.abs() < STEEPEST { slope } else { 0.0 }
         };
         let broad = self.broad_at(x, y);
@@ -115,7 +120,7 @@ impl Illumination {
             .map(|s| s.clamp(-0.05, 0.05))
     }
 
-    /// Brightness reached by the brightest hundredth of the sensor: full light.
+    /// Full light: the brightness that the brightest hundredth of the cells exceeds.
     pub fn full_light(&self) -> f64 {
         let mut all: Vec<f64> = (0..self.values.len())
             .map(|k| {
@@ -133,7 +138,7 @@ fn quartic_terms([x, y]: [f64; 2]) -> [f64; TERMS] {
     [1.0, x, y, x2, x * y, y2, x2 * x, x2 * y, x * y2, y2 * y, x2 * x2, x2 * x * y, x2 * y2, x * y2 * y, y2 * y2]
 }
 
-/// Robust polynomial through the brightness, and the least it may be; of a lower degree where there are too few lenslets for more.
+/// Robust polynomial through the brightness and its lower bound; of degree 2 below 300 lenslets, constant below 60.
 fn fit_broad_shape(lit: &[&MeasuredLenslet], middle: [f64; 2], half: f64) -> ([f64; TERMS], f64) {
     let mut gains: Vec<f64> = lit.iter().map(|m| m.gain).collect();
     gains.sort_by(f64::total_cmp);
@@ -141,7 +146,6 @@ fn fit_broad_shape(lit: &[&MeasuredLenslet], middle: [f64; 2], half: f64) -> ([f
     let least = 0.02 * gains.get(gains.len() * 9 / 10).copied().unwrap_or(1.0);
     let mut terms = [0f64; TERMS];
     terms[0] = median;
-    // Few lenslets bear a polynomial of degree 2, very few none.
     let used = match lit.len() {
         0..60 => return (terms, least),
         60..300 => 6,
@@ -154,7 +158,7 @@ fn fit_broad_shape(lit: &[&MeasuredLenslet], middle: [f64; 2], half: f64) -> ([f
         let mut right = [0f64; TERMS];
         let mut offs = Vec::new();
         for (n, m) in lit.iter().enumerate() {
-            // Not every `step`th: rows have a length of their own, and must not beat with it.
+            // Shifted every 89 lenslets, so that the sampling step does not alias with the row length.
             if n % step != (n / 89) % step {
                 continue;
             }
@@ -226,7 +230,7 @@ fn smooth_cells(values: &[f64], columns: usize, rows: usize) -> Vec<f64> {
     (0..values.len())
         .map(|k| {
             let (c, r) = (k % columns, k / columns);
-            // The rim keeps its values: a one-sided mean would flatten the slope there.
+            // The border keeps its values: a one-sided mean would flatten the slope there.
             if c == 0 || r == 0 || c + 1 == columns || r + 1 == rows {
                 return values[k];
             }

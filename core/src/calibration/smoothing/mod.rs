@@ -1,4 +1,4 @@
-//! What lenslets have in common: the broad light over the sensor, and how far each centre is trusted against the lattice.
+//! Smoothing over lenslets: the illumination of the sensor, and centres shrunk towards the lattice.
 
 pub mod illumination;
 pub mod shrink;

@@ -1,35 +1,38 @@
-//! Each centre = lattice prediction + residual · trust, with trust = τ² / (τ² + σ²): τ² is the true scatter of lenslets about the
-//! lattice, σ² the variance of a lenslet's measurement. Both are estimated from the image: σ² from how well the profile fits
-//! lenslets of like brightness, τ² by maximum likelihood over all residuals; of τ², only what neighbours do not share counts
-//! as the lenslets' own. (Goes past paper section 3.2.)
+//! Empirical-Bayes shrinkage: centre = lattice prediction + trust · residual, with trust = (τ² − s²) / (τ² + σ²). τ² is the
+//! variance of lenslets about the lattice plus a smooth distortion (cubic in x and y), σ² the variance of a lenslet's
+//! measurement, s² the covariance of neighbours' residuals. All are estimated from the image: σ² from the misfit of lenslets
+//! of similar brightness, τ² by maximum likelihood over all residuals. (Beyond paper section 3.2.)
 
 use crate::calibration::centres::measured::MeasuredLenslet;
 use crate::calibration::linear;
 use crate::calibration::model::Lattice;
 
-/// Residuals beyond this many standard deviations are no lenslets' scatter but dust, dead lenslets, reflections.
+/// Outlier threshold for residuals (dust, dead lenslets, reflections), in standard deviations √(τ² + σ²).
+/// Source: chosen
 const OUTLIER: f64 = 6.0;
-/// A fit this many times worse than its like is not believed.
+/// A misfit this many times the median of lenslets of similar brightness rejects the measurement.
+/// Source: chosen
 const BAD_FIT: f64 = 5.0;
 /// Terms of the smooth distortion: polynomials of degree 3 in x and y.
+/// Source: chosen
 const TERMS: usize = 10;
 
-/// Final centres and what was learnt on the way.
+/// Shrunk centres, and the variances they were shrunk by.
 #[derive(Debug, Clone)]
 pub struct ShrunkCentres {
-    /// Centre and trust of each measured lenslet, in order.
+    /// Centre (x, y) in pixels and trust (0 to 1) of each measured lenslet, in the order given.
     pub centres: Vec<([f64; 2], f32)>,
     /// Share of lenslets whose measurement was rejected.
     pub rejected: f64,
     /// RMS distance of accepted measured centres from the lattice, pixels.
     pub residual_rms: f64,
-    /// Scatter of the lenslets themselves an axis, pixels.
+    /// Scatter of the lenslets themselves, √(τ² − s²), an axis, pixels.
     pub scatter: f64,
-    /// Typical standard deviation of a measurement an axis, pixels.
+    /// Typical standard deviation of a measurement, √(s² + σ²), an axis, pixels.
     pub noise: f64,
 }
 
-/// Median misfit of lenslets of like brightness, as a table over brightness ranks.
+/// Median misfit of lenslets of similar brightness, as a table over brightness ranks.
 struct MisfitTable {
     edges: Vec<f64>,
     levels: Vec<f64>,
@@ -50,23 +53,23 @@ impl MisfitTable {
             part.sort_by(|a, b| a.1.total_cmp(&b.1));
             levels.push(part[half].1);
         }
-        // Where the lattice runs past the light, the darkest bins are nothing but noise; they stay as they are.
         MisfitTable { edges, levels }
     }
 
-    fn at(&self, gain: f64) -> f64 {
+    fn misfit_at(&self, gain: f64) -> f64 {
         let k = self.edges.partition_point(|&e| e < gain).min(self.levels.len().saturating_sub(1));
         self.levels.get(k).copied().unwrap_or(f64::INFINITY)
     }
 }
 
-/// Shrinks the measured centres towards the lattice (plus a smooth distortion) by what the image knows of each.
+/// Shrinks measured centres towards the lattice plus a smooth distortion, each by the variance of its measurement; `width` and
+/// `height` are the sensor's, pixels.
 pub fn shrink_centres(lattice: &Lattice, measured: &[MeasuredLenslet], width: usize, height: usize) -> ShrunkCentres {
-    let noise = MisfitTable::new(measured);
+    let table = MisfitTable::new(measured);
     let variances: Vec<[f64; 2]> = measured
         .iter()
         .map(|m| {
-            let level = noise.at(m.gain).max(1e-12);
+            let level = table.misfit_at(m.gain).max(1e-12);
             let own = if m.misfit > BAD_FIT * level || !m.usable { f64::INFINITY } else { level };
             m.unit.map(|u| u * own)
         })
@@ -92,8 +95,8 @@ pub fn shrink_centres(lattice: &Lattice, measured: &[MeasuredLenslet], width: us
             *rest = [raw[0] - d[0], raw[1] - d[1]];
         }
     }
-    // Lenslets are placed one by one: what neighbours in a row share beyond the smooth distortion is not theirs but a
-    // scene's, a reflection's, a film of dust's, and counts as noise.
+    // Position errors of lenslets are independent: what neighbours in a row share beyond the smooth distortion comes from a
+    // scene, a reflection or a film of dust, and counts as noise.
     let shared = tau * shared_scatter(measured, &rests, &accepted, tau);
     let mut sum = 0.0;
     let mut noise_sum = 0.0;
@@ -126,7 +129,7 @@ pub fn shrink_centres(lattice: &Lattice, measured: &[MeasuredLenslet], width: us
     }
 }
 
-/// Share of the scatter that neighbours of a row have in common, 0..1: mean product of their residuals over τ².
+/// Share of the variance that neighbours in a row have in common, s²/τ², 0 to 1: mean product of their residuals over τ².
 fn shared_scatter(measured: &[MeasuredLenslet], rests: &[[f64; 2]], accepted: &[bool], tau: f64) -> f64 {
     let (mut sum, mut count) = (0.0, 0usize);
     for k in 1..measured.len() {
@@ -136,11 +139,11 @@ fn shared_scatter(measured: &[MeasuredLenslet], rests: &[[f64; 2]], accepted: &[
             count += 1;
         }
     }
-    // Fewer pairs tell nothing surer than a tenth.
+    // With fewer pairs the standard error of the estimate is about a tenth or more.
     if count < 100 || tau <= 0.0 { 0.0 } else { (sum / count as f64 / tau).clamp(0.0, 1.0) }
 }
 
-/// τ² that makes the residuals most likely: Σ (r² − τ² − σ²)/(τ² + σ²)² = 0, by bisection.
+/// Maximum-likelihood τ²: the root of Σ (r² − τ² − σ²)/(τ² + σ²)² = 0, by bisection; 0 with fewer than 20 residuals.
 fn estimate_scatter(rests: &[[f64; 2]], variances: &[[f64; 2]], accepted: &[bool]) -> f64 {
     let mut squares: Vec<f64> = Vec::with_capacity(rests.len());
     for (r, &ok) in rests.iter().zip(accepted) {
@@ -153,7 +156,7 @@ fn estimate_scatter(rests: &[[f64; 2]], variances: &[[f64; 2]], accepted: &[bool
     }
     let half = squares.len() / 2;
     let median = *squares.select_nth_unstable_by(half, f64::total_cmp).1;
-    // Far residuals must not raise τ²: beyond four robust standard deviations they say nothing here.
+    // Outliers must not raise τ²: residuals beyond four robust standard deviations are left out (median of r² is 1.386 σ²).
     let far = 16.0 * median / 1.386;
     let score = |t: f64| {
         let mut sum = 0.0;
@@ -196,7 +199,7 @@ fn evaluate_distortion(smooth: &[[f64; TERMS]; 2], c: [f64; 2], width: usize, he
     [0, 1].map(|k| smooth[k].iter().zip(&p).map(|(a, b)| a * b).sum())
 }
 
-/// Smooth distortion left after the lattice, weighted least squares; nothing with too few lenslets to tell.
+/// Smooth distortion beyond the lattice, weighted least squares; 0 with fewer than 2000 lenslets.
 fn fit_distortion(
     measured: &[MeasuredLenslet],
     rests: &[[f64; 2]],

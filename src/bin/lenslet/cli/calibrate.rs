@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use lenslet::image_io;
 use lenslet_core::calibration::figures::{self, Picture};
 use lenslet_core::calibration::{self, Calibration, CalibrationOptions, CalibrationVariant, paper};
+use lenslet_core::container::Capture;
 use lenslet_core::container::whites::{self, CalibrationImage, ExposureClass};
-use lenslet_core::container::{self, Capture};
 use lenslet_core::output;
 use lenslet_core::progress::{Observer, Silent};
 use serde_json::{Value, json};
 
-use super::{Context, Interrupted, Outcome};
+use super::{Context, Outcome};
 
 /// Black images of a camera looked at, at most.
 const MOST_BLACKS: usize = 8;
@@ -69,7 +69,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     }
     let whites = args.from_captures.is_empty();
     let given = if whites { &args.whites } else { &args.from_captures };
-    let (paths, captures) = open(given, args.profile.as_deref(), context)?;
+    let (paths, captures) = calibration::open_captures(given, args.profile.as_deref(), &context.progress)?;
     let options = CalibrationOptions {
         variant: args.variant,
         hot_pixels: hot_pixels_of_files(args, &captures[0], context)?,
@@ -81,7 +81,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     } else {
         calibration::calibrate_from_captures(&captures, &options, &context.progress)
     };
-    let found = found.map_err(|e| failed(e, &paths))?;
+    let found = found.map_err(|e| e.in_file_of(&paths))?;
     calibration::save(&args.out, &found, args.force)?;
     if !pictures.is_empty() {
         let [whole, close] = figures::centres(&found);
@@ -94,9 +94,9 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     }
     if let Some(folder) = &args.dump {
         // What is left out was noted above.
-        let kept = calibration::screen_captures(&captures, &options, &Silent).map_err(|e| failed(e, &paths))?;
+        let kept = calibration::screen_captures(&captures, &options, &Silent).map_err(|e| e.in_file_of(&paths))?;
         let kept: Vec<&Capture> = kept.into_iter().map(|k| k.1).collect();
-        let stages = paper::run_algorithm1(&kept, &context.progress).map_err(|e| failed(e, &paths))?;
+        let stages = paper::run_algorithm1(&kept, &context.progress).map_err(|e| e.in_file_of(&paths))?;
         let pending = output::Pending::directory(folder, args.force)?;
         for (name, picture) in figures::steps(&stages, kept[0].cfa) {
             write_picture(&pending.path().join(name), false, picture)?;
@@ -175,9 +175,9 @@ fn bundle(args: &Args, place: &Path, context: &Context) -> anyhow::Result<Outcom
                 list.push(json);
                 text.push_str(&format!("{name}: {} white images\n{}\n", captures.len(), describe(&calibration)));
             }
-            Err(calibration::Error::Interrupted) => return Err(Interrupted.into()),
+            Err(e @ calibration::Error::Interrupted(_)) => return Err(e.into()),
             // One bad pair must not cost the user the others.
-            Err(e) => context.progress.note(&format!("{}", failed(e, &labels).root_cause())),
+            Err(e) => context.progress.note(&e.to_string()),
         }
     }
     if list.is_empty() {
@@ -211,55 +211,11 @@ fn refuse_existing(path: &Path, force: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The captures that can be read, with their paths; of several, one that cannot be is left out with a note.
-fn open(paths: &[PathBuf], profile: Option<&str>, context: &Context) -> anyhow::Result<(Vec<PathBuf>, Vec<Capture>)> {
-    let (mut names, mut captures, mut first_error) = (Vec::new(), Vec::new(), None);
-    for path in paths {
-        match open_one(path, profile) {
-            Ok(capture) => {
-                for warning in &capture.warnings {
-                    context.progress.note(&format!("{}: {warning}", path.display()));
-                }
-                names.push(path.clone());
-                captures.push(capture);
-            }
-            Err(e) => {
-                if paths.len() > 1 {
-                    context.progress.note(&format!("left out: {e:#}"));
-                }
-                first_error.get_or_insert(e);
-            }
-        }
-        context.progress.check()?;
-    }
-    match first_error {
-        Some(e) if captures.is_empty() => Err(e),
-        _ => Ok((names, captures)),
-    }
-}
-
-/// Opens a capture; one larger than the sensor of the camera it is said to be of is refused.
-fn open_one(path: &Path, profile: Option<&str>) -> anyhow::Result<Capture> {
-    let capture = container::open_capture(path, profile)?;
-    if let Some(name) = profile {
-        let sensor = container::CameraProfile::find(name)?.sensor;
-        let (w, h) = (capture.mosaic.width, capture.mosaic.height);
-        anyhow::ensure!(
-            w <= sensor.width && h <= sensor.height,
-            "{}: {w}x{h} pixels do not fit the {}x{} sensor of a {name}; give the profile of its camera, or none",
-            path.display(),
-            sensor.width,
-            sensor.height
-        );
-    }
-    Ok(capture)
-}
-
 /// Hot pixels of the files given with --black, for the camera of `white`.
 fn hot_pixels_of_files(args: &Args, white: &Capture, context: &Context) -> anyhow::Result<Vec<u32>> {
     let (paths, blacks) = match args.black.as_slice() {
         [] => return Ok(Vec::new()),
-        some => open(some, args.profile.as_deref(), context)?,
+        some => calibration::open_captures(some, args.profile.as_deref(), &context.progress)?,
     };
     for (path, black) in paths.iter().zip(&blacks) {
         anyhow::ensure!(
@@ -271,7 +227,7 @@ fn hot_pixels_of_files(args: &Args, white: &Capture, context: &Context) -> anyho
             white.camera.serial.as_deref().unwrap_or("unknown")
         );
     }
-    let hot = calibration::find_hot_pixels(&blacks).map_err(|e| failed(e, &paths))?;
+    let hot = calibration::find_hot_pixels(&blacks).map_err(|e| e.in_file_of(&paths))?;
     context.progress.note(&format!("{} hot pixels in {} black images", hot.len(), blacks.len()));
     Ok(hot)
 }
@@ -299,7 +255,7 @@ pub fn hot_pixels(candidates: &[&CalibrationImage], white: &Capture, context: &C
             Ok(hot)
         }
         Err(e) => {
-            context.progress.note(&format!("{:#}: hot pixels not known", failed(e, &paths)));
+            context.progress.note(&format!("{}: hot pixels not known", e.in_file_of(&paths)));
             Ok(Vec::new())
         }
     }
@@ -310,23 +266,6 @@ fn same_sensor(a: &Capture, b: &Capture) -> bool {
     let size = |c: &Capture| (c.mosaic.width, c.mosaic.height);
     let serials = (&a.camera.serial, &b.camera.serial);
     size(a) == size(b) && !matches!(serials, (Some(a), Some(b)) if a != b)
-}
-
-/// An error with the file it is about.
-fn failed(error: calibration::Error, paths: &[PathBuf]) -> anyhow::Error {
-    use calibration::Error as E;
-    let about = match &error {
-        E::Interrupted => return Interrupted.into(),
-        E::BadImage { index, .. }
-        | E::SizesDiffer { index, .. }
-        | E::CamerasDiffer { index, .. }
-        | E::NotBlack { index } => paths.get(index.saturating_sub(1)),
-        _ => paths.first(),
-    };
-    match about {
-        Some(path) => anyhow::Error::new(error).context(path.display().to_string()),
-        None => error.into(),
-    }
 }
 
 /// What a calibration is, for machines; `info` prints the same words.
