@@ -17,9 +17,9 @@ const MOST_SATURATED: f64 = 0.5;
 /// Source: chosen
 const LEAST_LIGHT: f64 = 0.004;
 
-/// Averages captures of one camera, each colour with its own black and white level. `encode` is applied to each value before
-/// averaging: the paper's gamma, or the identity where light stays linear (the default).
-/// A pixel saturated in any capture is saturated in the average.
+/// Averages captures of one camera, each colour with its own black and white level. `encode` is applied to each value
+/// before averaging: the paper's gamma, or the identity where light stays linear (the default). A pixel saturated in
+/// any capture is saturated in the average.
 ///
 /// # Errors
 /// No captures, sizes or cameras that differ, images too small, black or saturated ones.

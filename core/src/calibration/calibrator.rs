@@ -10,8 +10,8 @@ use super::pipeline;
 use crate::container::{CameraProfile, Capture, open_capture};
 use crate::progress::{Observer, Silent};
 
-/// Calibrates a camera from files; made by [`Calibration::calibrator`]. Defaults: all steps, with vignetting, no hot pixels,
-/// the camera profile found from the files, no progress.
+/// Calibrates a camera from files; made by [`Calibration::calibrator`]. Defaults: all steps, with vignetting, no hot
+/// pixels, the camera profile found from the files, no progress.
 ///
 /// ```
 /// # mod drawn { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/drawn.rs")); }
@@ -21,7 +21,8 @@ use crate::progress::{Observer, Silent};
 /// let folder = tempfile::tempdir()?;
 /// let white = folder.path().join("white.lfp");
 /// lenslet_core::container::write_lfp(&white, &drawn_white(), false)?;
-/// let camera = Calibration::calibrator().variant(CalibrationVariant::Integer).without_vignetting().from_whites(&[white])?;
+/// let calibrator = Calibration::calibrator().variant(CalibrationVariant::Integer).without_vignetting();
+/// let camera = calibrator.from_whites(&[white])?;
 /// assert!(camera.centres().all(|[x, y]| x.fract() == 0.0 && y.fract() == 0.0));
 /// assert!(camera.vignetting.is_none());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -70,8 +71,9 @@ impl<'a> Calibrator<'a> {
         Calibrator { options: self.options, profile: self.profile, observer }
     }
 
-    /// Opens white images (`.lfp`, `.raw` with its metadata beside it, or mosaics as pictures) and calibrates from them with
-    /// [`calibrate`](super::calibrate). Of several files, those that cannot be read or used are left out with a note.
+    /// Opens white images (`.lfp`, `.raw` with its metadata beside it, or mosaics as pictures) and calibrates from them
+    /// with [`calibrate`](super::calibrate). Of several files, those that cannot be read or used are left out with a
+    /// note.
     ///
     /// # Errors
     /// [`Error::Capture`] where no file can be read; [`Error::InFile`] with the file and what is wrong with it;
@@ -80,8 +82,9 @@ impl<'a> Calibrator<'a> {
         self.from_files(paths, pipeline::calibrate)
     }
 
-    /// Opens ordinary captures and calibrates from them with [`calibrate_from_captures`](super::calibrate_from_captures); five
-    /// are typical. Of several files, those that cannot be read or used are left out with a note.
+    /// Opens ordinary captures and calibrates from them with
+    /// [`calibrate_from_captures`](super::calibrate_from_captures); five are typical. Of several files, those that
+    /// cannot be read or used are left out with a note.
     ///
     /// # Errors
     /// As [`Calibrator::from_whites`].
@@ -101,8 +104,8 @@ impl<'a> Calibrator<'a> {
 }
 
 impl Calibration {
-    /// Calibrates a camera from the files of one or several white images (captures of an evenly lit white surface), with
-    /// default options; [`Calibration::calibrator`] has others.
+    /// Calibrates a camera from the files of one or several white images (captures of an evenly lit white surface),
+    /// with default options; [`Calibration::calibrator`] has others.
     ///
     /// ```
     /// # mod drawn { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/drawn.rs")); }
@@ -127,7 +130,8 @@ impl Calibration {
         Calibration::calibrator().from_whites(paths)
     }
 
-    /// Calibrates a camera without white images, from the files of ordinary captures (five are typical), with default options.
+    /// Calibrates a camera without white images, from the files of ordinary captures (five are typical), with default
+    /// options.
     ///
     /// # Errors
     /// As [`Calibrator::from_whites`].
@@ -157,8 +161,8 @@ impl Calibration {
     }
 }
 
-/// Opens captures, with the paths of those that could be read: of several, an unreadable one is left out with a note. Warnings of
-/// the files are noted too. `profile` is the camera profile of files that do not name their camera.
+/// Opens captures, with the paths of those that could be read: of several, an unreadable one is left out with a note.
+/// Warnings of the files are noted too. `profile` is the camera profile of files that do not name their camera.
 ///
 /// # Errors
 /// [`Error::NoImages`] without paths; [`Error::Capture`] or [`Error::InFile`] of the first file where none can be read;

@@ -4,8 +4,9 @@ use super::error::Error;
 use super::model::Calibration;
 use crate::container::{Capture, same_model};
 
-/// Refuses a calibration of another sensor size, serial number or model than the capture's. Serial number and model are compared
-/// only where both sides state them; models of one camera profile (`models` in its TOML file) count as the same.
+/// Refuses a calibration of another sensor size, serial number or model than the capture's. Serial number and model are
+/// compared only where both sides state them; models of one camera profile (`models` and `aliases` in its TOML file) count as the
+/// same.
 ///
 /// ```
 /// # mod drawn { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/drawn.rs")); }
@@ -47,8 +48,8 @@ pub fn check_compatible(calibration: &Calibration, capture: &Capture) -> Result<
     Ok(())
 }
 
-/// Zoom and focus steps that differ between calibration and capture, a line each. They move the micro-images a little but do
-/// not forbid decoding.
+/// Zoom and focus steps that differ between calibration and capture, a line each. They move the micro-images a little
+/// but do not forbid decoding.
 ///
 /// ```
 /// # mod drawn { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/drawn.rs")); }

@@ -134,8 +134,8 @@ impl Error {
         }
     }
 
-    /// Adds the file the error concerns: that of the image it names, else the first; `paths` are those of the images, in order.
-    /// Interruption stays as it is.
+    /// Adds the file the error concerns: that of the image it names, else the first; `paths` are those of the images,
+    /// in order. Interruption stays as it is.
     #[must_use]
     pub fn in_file_of(self, paths: &[std::path::PathBuf]) -> Error {
         match paths.get(self.image_index().unwrap_or(0)) {

@@ -116,7 +116,8 @@ pub fn centres(calibration: &Calibration) -> [Picture; 2] {
     [whole, close]
 }
 
-/// Distance from the regular lattice that one lenslet in a hundred exceeds, pixels (at least 0.001): what to show as full brightness.
+/// Distance from the regular lattice that one lenslet in a hundred exceeds, pixels (at least 0.001): what to show as
+/// full brightness.
 pub fn far(calibration: &Calibration) -> f64 {
     let off = |l: &Lenslet| {
         let c = calibration.lattice.centre(l.i, l.j);
@@ -127,7 +128,8 @@ pub fn far(calibration: &Calibration) -> f64 {
     all.get(all.len() * 99 / 100).copied().unwrap_or(0.0).max(0.001)
 }
 
-/// How far each lenslet lies from the regular lattice: hue is the direction, brightness the distance (full at `full` pixels).
+/// How far each lenslet lies from the regular lattice: hue is the direction, brightness the distance (full at `full`
+/// pixels).
 pub fn residuals(calibration: &Calibration, full: f64) -> Picture {
     let (w, h) = (calibration.width, calibration.height);
     let scale = calibration.lattice.pitch().max(1.0) / 2.0;
@@ -208,12 +210,12 @@ fn bright(image: &SensorImage) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibration::{CalibrationOptions, calibrate, paper, tests::planted::Plant};
+    use crate::calibration::{CalibrationOptions, calibrate, paper, tests::planted::PlantedCamera};
     use crate::progress::Silent;
 
     #[test]
     fn centres_are_drawn_where_they_are() {
-        let (white, _) = Plant { width: 240, height: 200, ..Plant::default() }.grow();
+        let (white, _) = PlantedCamera { width: 240, height: 200, ..PlantedCamera::default() }.white_image();
         let found = calibrate(std::slice::from_ref(&white), &CalibrationOptions::default(), &Silent).unwrap();
         let [whole, close] = centres(&found);
         assert_eq!((whole.width, whole.height, close.width, close.height), (240, 200, PART * ZOOM, PART * ZOOM));

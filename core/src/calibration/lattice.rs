@@ -24,7 +24,8 @@ pub fn centred(lattice: Lattice, width: usize, height: usize) -> Lattice {
     Lattice { origin: best, ..lattice }
 }
 
-/// Indices (i, j) of every lenslet whose predicted centre lies on the sensor or at most `margin` pixels outside, by (j, i).
+/// Indices (i, j) of every lenslet whose predicted centre lies on the sensor or at most `margin` pixels outside, by (j,
+/// i).
 pub fn indices(lattice: &Lattice, width: usize, height: usize, margin: f64) -> Vec<[i32; 2]> {
     let (right, bottom) = (width as f64 - 1.0 + margin, height as f64 - 1.0 + margin);
     let corners = [[-margin, -margin], [right, -margin], [-margin, bottom], [right, bottom]];

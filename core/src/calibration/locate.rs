@@ -1,5 +1,5 @@
-//! The default way from an equalised image to centres: spectrum → phases → three rounds of (profile → centres → lattice →
-//! illumination) → shrinkage, all on the unrotated mosaic. Coordinates are transformed, never pixels.
+//! The default way from an equalised image to centres: spectrum → phases → three rounds of (profile → centres → lattice
+//! → illumination) → shrinkage, all on the unrotated mosaic. Coordinates are transformed, never pixels.
 
 use super::centres::lattice_fit;
 use super::centres::measure::measure_lenslets;
@@ -49,8 +49,8 @@ pub struct LocatedLenslets {
     pub prominence: f64,
 }
 
-/// Finds the lattice and every lenslet of an equalised image. `prior_lattice` is what metadata say of the lattice. The `hot` pixels
-/// (`y·width + x`, ascending) are not measured; they are marked as saturated in `image`.
+/// Finds the lattice and every lenslet of an equalised image. `prior_lattice` is what metadata say of the lattice. The
+/// `hot` pixels (`y·width + x`, ascending) are not measured; they are marked as saturated in `image`.
 ///
 /// # Errors
 /// [`Error::NoPattern`], and [`Error::Interrupted`] when the observer asks to stop.
@@ -91,7 +91,8 @@ pub fn locate_lenslets(
     illumination = Illumination::new(&second, width, height, grid.pitch());
     stage("centres, third")?;
 
-    // The third round starts at the measured centres, each with its own brightness, and leaves out pixels that do not fit.
+    // The third round starts at the measured centres, each with its own brightness, and leaves out pixels that do not
+    // fit.
     let typical = measured::typical_misfit(&second);
     let clip = (6.0 * typical).max(LEAST_CLIP);
     let mut sites = predict_lenslets(&grid, image, Some(&illumination));
@@ -147,8 +148,8 @@ fn predict_lenslets(
         .collect()
 }
 
-/// Moves predictions to the measured centres that are within `near` pixels and fit as well as is typical. Both lists are in
-/// (j, i) order and differ at the border only.
+/// Moves predictions to the measured centres that are within `near` pixels and fit as well as is typical. Both lists
+/// are in (j, i) order and differ at the border only.
 fn move_to_measured(sites: &mut [PredictedLenslet], seen: &[MeasuredLenslet], near: f64, typical: f64) {
     let mut seen = seen.iter().peekable();
     for site in sites {
@@ -179,7 +180,7 @@ fn fit_micro_image(image: &SensorImage, sites: &[PredictedLenslet], radius: f64)
     Ok(profile)
 }
 
-/// MeasuredLenslet lenslets with the indices they have in `lattice`, whose (0, 0) may have moved by a lenslet.
+/// Measured lenslets with the indices they have in `lattice`, whose (0, 0) may have moved by a lenslet.
 fn reindex_lenslets(lattice: &Lattice, mut measured: Vec<MeasuredLenslet>) -> Vec<MeasuredLenslet> {
     // All indices shift alike, so the first usable lenslet gives the shift.
     let shift = measured.iter().find(|m| m.usable).map_or([0, 0], |m| {

@@ -5,14 +5,14 @@
 //!                                 (without white images: captures::{flatten, pattern})                  │
 //!   locate                                                                                              ▼
 //!   ├─ fundamentals::{spectrum, rotation, prior, phase}   the lattice in the frequency domain, over the whole sensor
-//!   ├─ centres::{profile, measure, lattice_fit}           sub-pixel centres with their variance, and the lattice through them
+//!   ├─ centres::{profile, measure, lattice_fit}           sub-pixel centres with their variance, and the lattice
 //!   └─ smoothing::{illumination, shrink}                  light of the main lens; centres shrunk towards the lattice
 //!                                                                                                       │
 //!   photometric::vignetting ─► white image      (without white images: captures::agreement)             ▼
 //!                                                              Calibration ─ file::{v1, v2} ─► .calib
 //! ```
-//! `pipeline` runs these steps. `paper` is Algorithm 1 as printed, for comparison: it rotates and erodes the image, which the
-//! default does not. `compatibility` decides whether a capture is of the calibrated camera.
+//! `pipeline` runs these steps. `paper` is Algorithm 1 as printed, for comparison: it rotates and erodes the image,
+//! which the default does not. `compatibility` decides whether a capture is of the calibrated camera.
 //!
 //! ```
 //! # mod drawn { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/drawn.rs")); }

@@ -14,7 +14,8 @@ pub enum Grid {
     Square,
 }
 
-/// A regular lattice: centre (i, j) = origin + i·a + j·b, in sensor pixels (x right, y down, pixel centres at integers).
+/// A regular lattice: centre (i, j) = origin + i·a + j·b, in sensor pixels (x right, y down, pixel centres at
+/// integers).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Lattice {
     /// Packing.
@@ -23,7 +24,8 @@ pub struct Lattice {
     pub origin: [f64; 2],
     /// Step to the next lenslet of a row (for `HexColumns`: of a column).
     pub a: [f64; 2],
-    /// Step to the next row: for hexagonal grids about 60 degrees clockwise on screen from `a` (y is down), for square ones 90.
+    /// Step to the next row: for hexagonal grids about 60 degrees clockwise on screen from `a` (y is down), for square
+    /// ones 90.
     pub b: [f64; 2],
 }
 
@@ -106,14 +108,14 @@ pub struct CalibrationQuality {
     pub noise: f64,
     /// Share of lenslets whose measurement was rejected.
     pub rejected: f64,
-    /// Confidence, 0 to 1: coherence of the pattern's phases, times 1 − 1/√(prominence of its spectral peaks), times the share of
-    /// lenslets accepted.
+    /// Confidence, 0 to 1: coherence of the pattern's phases, times 1 − 1/√(prominence of its spectral peaks), times
+    /// the share of lenslets accepted.
     pub confidence: f64,
 }
 
 impl CalibrationQuality {
-    /// Confidence, 0 to 1, of the coherence of the phases (0 to 1), the prominence of the spectral peaks, and the share of
-    /// lenslets accepted.
+    /// Confidence, 0 to 1, of the coherence of the phases (0 to 1), the prominence of the spectral peaks, and the share
+    /// of lenslets accepted.
     pub(super) fn confidence_of(coherence: f64, prominence: f64, accepted: f64) -> f64 {
         let peak = 1.0 - 1.0 / prominence.max(1.0).sqrt();
         (coherence * peak * accepted).clamp(0.0, 1.0)
@@ -148,7 +150,7 @@ pub struct Calibration {
     pub lattice: Lattice,
     /// Every lenslet with its centre on the sensor, sorted by (j, i).
     pub lenslets: Vec<Lenslet>,
-    /// CalibrationQuality figures.
+    /// Quality figures.
     pub quality: CalibrationQuality,
     /// White image for vignetting, if known.
     pub vignetting: Option<Vignetting>,

@@ -1,5 +1,5 @@
-//! Options of a calibration. Variants of the centres are for comparison (paper section 5: results without calibration, without
-//! sub-pixel precision).
+//! Options of a calibration. Variants of the centres are for comparison (paper section 5: results without calibration,
+//! without sub-pixel precision).
 
 /// How centres are found.
 ///
@@ -70,7 +70,8 @@ pub struct CalibrationOptions {
     pub variant: CalibrationVariant,
     /// Leave out the vignetting pattern (centres only; takes less time).
     pub without_vignetting: bool,
-    /// Pixels to leave out, as [`find_hot_pixels`](crate::calibration::find_hot_pixels) finds them in black images: `y·width + x`, ascending, at most one in a hundred.
+    /// Pixels to leave out, as [`find_hot_pixels`](crate::calibration::find_hot_pixels) finds them in black images:
+    /// `y·width + x`, ascending, at most one in a hundred.
     pub hot_pixels: Vec<u32>,
     /// Names of the images in notes, in their order; images without a name are called `image 1`, `image 2` …
     pub names: Vec<String>,

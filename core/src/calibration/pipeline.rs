@@ -1,4 +1,5 @@
-//! The pipeline from captures to a calibration: white images (Algorithm 1 of the paper, section 3.2), or ordinary captures.
+//! The pipeline from captures to a calibration: white images (Algorithm 1 of the paper, section 3.2), or ordinary
+//! captures.
 
 use super::average;
 use super::captures::{agreement, pattern};
@@ -12,8 +13,9 @@ use super::screening;
 use crate::container::Capture;
 use crate::progress::Observer;
 
-/// Calibrates a camera from one or several white images (captures of an evenly lit white surface). Of several, those that cannot
-/// be used (black, saturated, damaged, of another camera than most) are left out with a note to the observer.
+/// Calibrates a camera from one or several white images (captures of an evenly lit white surface). Of several, those
+/// that cannot be used (black, saturated, damaged, of another camera than most) are left out with a note to the
+/// observer.
 ///
 /// ```
 /// # mod drawn { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/drawn.rs")); }
@@ -29,9 +31,9 @@ use crate::progress::Observer;
 /// ```
 ///
 /// # Errors
-/// [`Error::NoImages`]; the error of the first image where none can be used; [`Error::SizesDiffer`] or [`Error::CamerasDiffer`]
-/// where no camera has more than half of the images; [`Error::NoPattern`]; [`Error::Parameter`] for hot pixels out of order or
-/// off the sensor; [`Error::Interrupted`].
+/// [`Error::NoImages`]; the error of the first image where none can be used; [`Error::SizesDiffer`] or
+/// [`Error::CamerasDiffer`] where no camera has more than half of the images; [`Error::NoPattern`];
+/// [`Error::Parameter`] for hot pixels out of order or off the sensor; [`Error::Interrupted`].
 pub fn calibrate(
     whites: &[Capture],
     options: &CalibrationOptions,
@@ -56,10 +58,10 @@ pub fn calibrate(
     Ok(found)
 }
 
-/// Calibrates a camera from ordinary captures: the scenes average out, the lenslets stay. Five captures are typical; one gives
-/// the lattice only, all lenslets with trust 0. The vignetting pattern is the mean micro-image; the illumination by the main
-/// lens cannot be separated from the scenes' and is left out. Captures that cannot be used are left out as by [`calibrate`],
-/// and so are those whose pattern disagrees with that of the others.
+/// Calibrates a camera from ordinary captures: the scenes average out, the lenslets stay. Five captures are typical;
+/// one gives the lattice only, all lenslets with trust 0. The vignetting pattern is the mean micro-image; the
+/// illumination by the main lens cannot be separated from the scenes' and is left out. Captures that cannot be used are
+/// left out as by [`calibrate`], and so are those whose pattern disagrees with that of the others.
 ///
 /// ```
 /// # mod drawn { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/drawn.rs")); }
@@ -68,7 +70,8 @@ pub fn calibrate(
 /// use lenslet_core::progress::Silent;
 ///
 /// let scene = |n: f64| drawn_capture(move |x, y| 0.6 + 0.3 * (x / 40.0 + n).sin() * (y / 30.0 - n).cos());
-/// let camera = calibrate_from_captures(&[scene(0.0), scene(1.0), scene(2.0)], &CalibrationOptions::default(), &Silent)?;
+/// let captures = [scene(0.0), scene(1.0), scene(2.0)];
+/// let camera = calibrate_from_captures(&captures, &CalibrationOptions::default(), &Silent)?;
 /// assert_eq!(camera.origin.method, "captures");
 /// assert!((camera.lattice.pitch() - 10.0).abs() < 0.05);
 /// # Ok::<(), lenslet_core::calibration::Error>(())

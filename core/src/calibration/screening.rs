@@ -1,5 +1,5 @@
-//! Screening: of several images the bad ones (black, saturated, damaged, of another camera) are left out with a note, so that
-//! one bad capture does not make the others useless.
+//! Screening: of several images the bad ones (black, saturated, damaged, of another camera) are left out with a note,
+//! so that one bad capture does not make the others useless.
 
 use super::error::Error;
 use super::options::CalibrationOptions;
@@ -10,8 +10,8 @@ use crate::progress::Observer;
 /// An image that passed the screening, and its index in the list given, from 0.
 pub type Screened<'a> = (usize, &'a Capture);
 
-/// The images that are undamaged, lit, and of the same camera as more than half of them; the observer is told by a note which
-/// were left out and why.
+/// The images that are undamaged, lit, and of the same camera as more than half of them; the observer is told by a note
+/// which were left out and why.
 ///
 /// # Errors
 /// Where none is left, what is wrong with the first bad one; where no camera has more than half of the images,

@@ -1,6 +1,7 @@
 //! One grey value a pixel, and the saturation limits: what the steps of Algorithm 1 pass on.
 
-/// A grey image of the sensor. Light is linear unless a step says otherwise; 1 is full scale, or the mean once equalised.
+/// A grey image of the sensor. Light is linear unless a step says otherwise; 1 is full scale, or the mean once
+/// equalised.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SensorImage {
     /// Pixels a row.

@@ -1,5 +1,5 @@
-//! Trust in a lenslet's own centre without white images: the variance between captures that are each measured alone takes the
-//! place of the measurement's variance in shrinkage.
+//! Trust in a lenslet's own centre without white images: the variance between captures that are each measured alone
+//! takes the place of the measurement's variance in shrinkage.
 
 use super::flatten::flatten_capture;
 use crate::calibration::centres::measure::measure_lenslets;
@@ -13,8 +13,8 @@ use crate::calibration::screening::Screened;
 use crate::calibration::smoothing::shrink;
 use crate::progress::Observer;
 
-/// Resites the centres of `found` by the means over the captures, shrunk by the variance between captures, which is due to the
-/// scenes. A single capture gives no variance: its centres are those of the lattice, with trust 0.
+/// Replaces the centres of `found` by the means over the captures, shrunk by the variance between captures, which is due
+/// to the scenes. A single capture gives no variance: its centres are those of the lattice, with trust 0.
 ///
 /// # Errors
 /// [`Error::Interrupted`].

@@ -15,8 +15,8 @@ const BOX: usize = 24;
 /// Source: chosen
 const DIM: f32 = 0.02;
 
-/// A capture, each pixel divided by the local mean of its colour, and the weight of each pixel (0 to 1; 0 where saturated or
-/// dark).
+/// A capture, each pixel divided by the local mean of its colour, and the weight of each pixel (0 to 1; 0 where
+/// saturated or dark).
 pub fn flatten_capture(capture: &Capture, hot: &[u32]) -> Result<(SensorImage, Vec<f32>), Error> {
     let mut image = average::average_captures(std::slice::from_ref(capture), |v| v)?;
     hot_pixels::fill_hot_pixels(&mut image, hot);

@@ -1,5 +1,5 @@
-//! The lenslet pattern of several ordinary captures: each is divided by the local mean of each colour, so that in their weighted
-//! mean the scenes average out and the pattern stays.
+//! The lenslet pattern of several ordinary captures: each is divided by the local mean of each colour, so that in their
+//! weighted mean the scenes average out and the pattern stays.
 
 use rayon::prelude::*;
 
@@ -13,13 +13,13 @@ use crate::calibration::sensor_image::SensorImage;
 use crate::container::Capture;
 use crate::progress::Observer;
 
-/// Least agreement of a capture's pattern with the common lattice (1 = in phase everywhere); below it the capture is of another
-/// camera, rotated, or shows no pattern.
+/// Least agreement of a capture's pattern with the common lattice (1 = in phase everywhere); below it the capture is of
+/// another camera, rotated, or shows no pattern.
 /// Source: chosen
 const LEAST_AGREEMENT: f64 = 0.3;
 
-/// The common pattern of the captures, and the lenslets located in it. Captures that do not show the pattern are removed from
-/// `kept`, with a note.
+/// The common pattern of the captures, and the lenslets located in it. Captures that do not show the pattern are
+/// removed from `kept`, with a note.
 ///
 /// # Errors
 /// As [`super::calibrate_from_captures`].

@@ -1,6 +1,6 @@
-//! Regular lattice fitted over all measured centres, robustly: min over origin, a, b of Σ ρ(|c_ij − origin − i·a − j·b| / s)
-//! with Tukey's ρ (paper section 3.2: "fit a regular triangle grid to the estimated center points"). Row stretch comes with it,
-//! since a and b are free. Solved by iteratively reweighted least squares.
+//! Regular lattice fitted over all measured centres, robustly: min over origin, a, b of Σ ρ(|c_ij − origin − i·a − j·b|
+//! / s) with Tukey's ρ (paper section 3.2: "fit a regular triangle grid to the estimated center points"). Row stretch
+//! comes with it, since a and b are free. Solved by iteratively reweighted least squares.
 
 use super::measured::MeasuredLenslet;
 use crate::calibration::linear;
@@ -13,8 +13,8 @@ const TUKEY: f64 = 4.685;
 /// Source: chosen
 const ROUNDS: usize = 6;
 
-/// Robust fit over the usable measured centres. `start` gives the packing and the first residuals; it is returned unchanged
-/// when fewer than ten centres are usable.
+/// Robust fit over the usable measured centres. `start` gives the packing and the first residuals; it is returned
+/// unchanged when fewer than ten centres are usable.
 pub fn fit_lattice(start: &Lattice, measured: &[MeasuredLenslet]) -> Lattice {
     let usable: Vec<&MeasuredLenslet> = measured.iter().filter(|m| m.usable).collect();
     if usable.len() < 10 {

@@ -1,6 +1,7 @@
-//! Sub-pixel centre of each lenslet (paper section 3.2, "fit paraboloid"), on the unrotated, uneroded image: around the predicted
-//! centre p, min over g, d of Σ w·(I(x)/F(x) − g·T(x − p − d))², linearised in (g, g·dx, g·dy). T is the micro-image profile
-//! common to the sensor, F = 1 + slope·(x − p) the local slope of the illumination, w = rim/(T + [`READ_NOISE`]).
+//! Sub-pixel centre of each lenslet (paper section 3.2, "fit paraboloid"), on the unrotated, uneroded image: around the
+//! predicted centre p, min over g, d of Σ w·(I(x)/F(x) − g·T(x − p − d))², linearised in (g, g·dx, g·dy). T is the
+//! micro-image profile common to the sensor, F = 1 + slope·(x − p) the local slope of the illumination, w = rim/(T +
+//! [`READ_NOISE`]).
 
 use rayon::prelude::*;
 
@@ -14,8 +15,8 @@ use crate::calibration::sensor_image::SensorImage;
 /// Source: chosen
 const READ_NOISE: f32 = 0.08;
 
-/// Measures every predicted lenslet; the answers are in the order of `sites`. Pixels whose residual times √w exceeds `clip`
-/// times the gain (hot pixels, dust) are left out; `f64::INFINITY` leaves out none.
+/// Measures every predicted lenslet; the answers are in the order of `sites`. Pixels whose residual times √w exceeds
+/// `clip` times the gain (hot pixels, dust) are left out; `f64::INFINITY` leaves out none.
 pub fn measure_lenslets(
     image: &SensorImage,
     profile: &MicroImageProfile,

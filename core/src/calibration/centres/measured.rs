@@ -28,8 +28,8 @@ impl MeasuredLenslet {
     }
 }
 
-/// Square root of the median misfit: the typical residual of a pixel as a share of its lenslet's light. Infinite without
-/// usable lenslets.
+/// Square root of the median misfit: the typical residual of a pixel as a share of its lenslet's light. Infinite
+/// without usable lenslets.
 pub fn typical_misfit(measured: &[MeasuredLenslet]) -> f64 {
     let mut all: Vec<f64> = measured.iter().filter(|m| m.usable).map(|m| m.misfit).collect();
     if all.is_empty() {

@@ -1,4 +1,5 @@
-//! Sub-pixel centres: where lenslets are predicted, how a micro-image looks, what is measured, and the lattice through it.
+//! Sub-pixel centres: where lenslets are predicted, how a micro-image looks, what is measured, and the lattice through
+//! it.
 
 pub mod lattice_fit;
 pub mod measure;

@@ -5,8 +5,8 @@
 //! 8   format version, u32
 //! 12  header length H, u32
 //! 16  H bytes of JSON: everything of [`Calibration`] that is small, the payload's size and sha256
-//! …   deflated payload: the lattice and quality figures as f64 (those in the header are for people), then lenslets, hot pixels
-//!     and the white image as described in `v2`; files of version 1 (`v1`) are read too
+//! …   deflated payload: the lattice and quality figures as f64 (those in the header are for people), then lenslets, hot
+//!     pixels and the white image as described in `v2`; files of version 1 (`v1`) are read too
 //! ```
 //! All numbers little-endian.
 
@@ -33,8 +33,8 @@ const LONGEST_HEADER: usize = 1 << 20;
 /// Source: measured; higher levels take seconds longer and save almost nothing
 const LEVEL: u32 = 3;
 
-/// Writes a calibration; refuses an existing file without `force`. Centres are rounded to 1/16384 px, the white image to 1/1024
-/// of its square root (a twentieth of one white image's own noise), trust to 1/255; everything else is exact.
+/// Writes a calibration; refuses an existing file without `force`. Centres are rounded to 1/16384 px, the white image
+/// to 1/1024 of its square root (a twentieth of one white image's own noise), trust to 1/255; everything else is exact.
 ///
 /// ```
 /// # mod drawn { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/drawn.rs")); }
@@ -54,8 +54,8 @@ const LEVEL: u32 = 3;
 /// ```
 ///
 /// # Errors
-/// [`Error::Output`] when the file exists or cannot be written; [`Error::Parameter`] when the white image's pixels do not fit
-/// its size.
+/// [`Error::Output`] when the file exists or cannot be written; [`Error::Parameter`] when the white image's pixels do
+/// not fit its size.
 pub fn save(path: &Path, calibration: &Calibration, force: bool) -> Result<(), Error> {
     let whole = |v: &Vignetting| v.width > 0 && v.width.checked_mul(v.height) == Some(v.white.len());
     if !calibration.vignetting.as_ref().is_none_or(whole) {
@@ -95,8 +95,8 @@ pub fn save(path: &Path, calibration: &Calibration, force: bool) -> Result<(), E
 /// Reads a calibration.
 ///
 /// # Errors
-/// [`Error::Read`]; [`Error::Malformed`] for files that are no calibration or damaged; [`Error::Newer`] for a later format
-/// version.
+/// [`Error::Read`]; [`Error::Malformed`] for files that are no calibration or damaged; [`Error::Newer`] for a later
+/// format version.
 pub fn load(path: &Path) -> Result<Calibration, Error> {
     let name = || path.display().to_string();
     let file = std::fs::File::open(path).map_err(|source| Error::Read { path: name(), source })?;
@@ -191,11 +191,11 @@ fn hex(digest: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibration::{CalibrationOptions, CalibrationOrigin, Grid, calibrate, tests::planted::Plant};
+    use crate::calibration::{CalibrationOptions, CalibrationOrigin, Grid, calibrate, tests::planted::PlantedCamera};
     use crate::progress::Silent;
 
     fn small() -> Calibration {
-        let (white, _) = Plant { width: 128, height: 96, jitter: 0.1, grid: Grid::HexRows, ..Plant::default() }.grow();
+        let (white, _) = PlantedCamera { width: 128, height: 96, jitter: 0.1, grid: Grid::HexRows, ..PlantedCamera::default() }.white_image();
         calibrate(&[white], &CalibrationOptions::default(), &Silent).unwrap()
     }
 
@@ -259,7 +259,8 @@ mod tests {
         for at in (0..bytes.len()).step_by(37).chain(0..600) {
             let mut broken = bytes.clone();
             broken[at] ^= 0x15;
-            // A flipped digit in the header's figures can still be a calibration; lenslets and white image cannot change unseen.
+            // A flipped digit in the header's figures can still be a calibration; lenslets and white image cannot
+            // change unseen.
             if let Ok(read) = parse(&broken[..], "x") {
                 assert!(read.lenslets == calibration.lenslets && read.vignetting == calibration.vignetting);
             }

@@ -1,5 +1,5 @@
-//! Format version 1, read only: i (i32), j (i32), x (f64), y (f64), trust (f32) of the lenslets, one array after the other, then
-//! the white image as u16, each row as differences two pixels apart (same colour).
+//! Format version 1, read only: i (i32), j (i32), x (f64), y (f64), trust (f32) of the lenslets, one array after the
+//! other, then the white image as u16, each row as differences two pixels apart (same colour).
 
 use super::header::{Payload, item_bytes};
 use crate::calibration::model::Lenslet;

@@ -1,6 +1,7 @@
-//! Format version 2, compact: lenslets as steps in (i, j) and residuals from the lattice, the white image as differences from
-//! itself a micro-image earlier. Arrays of N-byte numbers are stored as N planes (all first bytes, all second bytes …), since
-//! the upper planes are almost all zero and compress well. Signed numbers are zigzagged: 0, -1, 1, -2 … are 0, 1, 2, 3 …
+//! Format version 2, compact: lenslets as steps in (i, j) and residuals from the lattice, the white image as
+//! differences from itself a micro-image earlier. Arrays of N-byte numbers are stored as N planes (all first bytes, all
+//! second bytes …), since the upper planes are almost all zero and compress well. Signed numbers are zigzagged: 0, -1,
+//! 1, -2 … are 0, 1, 2, 3 …
 //!
 //! ```text
 //! u32 ×2   lag of the white image (x, y), pixels; 0 0 without one

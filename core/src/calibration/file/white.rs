@@ -1,6 +1,6 @@
-//! The white image in a file. A pixel is coded as the square root of its light in 1/1024: shot noise grows with the square root,
-//! so the rounding error is the same share of the noise everywhere. Stored are differences from the same position in an earlier
-//! micro-image: micro-images repeat, so the differences are mostly noise.
+//! The white image in a file. A pixel is coded as the square root of its light in 1/1024: shot noise grows with the
+//! square root, so the rounding error is the same share of the noise everywhere. Stored are differences from the same
+//! position in an earlier micro-image: micro-images repeat, so the differences are mostly noise.
 
 /// Light 1.0 (32768 in memory) has code 1024: code c is c²/2⁵.
 /// Source: file format version 2

@@ -1,6 +1,6 @@
-//! The lattice over the whole sensor from the phases of its two fundamentals in small tiles: min over slope and offset of
-//! Σ ρ(phase − slope·x − offset) for each fundamental. It is within a few hundredths of a pixel everywhere and robust against
-//! dead lenslets, dust and scratches. (Beyond paper section 3.2, which rotates by the peak's bin alone.)
+//! The lattice over the whole sensor from the phases of its two fundamentals in small tiles: min over slope and offset
+//! of Σ ρ(phase − slope·x − offset) for each fundamental. It is within a few hundredths of a pixel everywhere and
+//! robust against dead lenslets, dust and scratches. (Beyond paper section 3.2, which rotates by the peak's bin alone.)
 
 use rayon::prelude::*;
 
@@ -37,7 +37,7 @@ struct Tile {
     z: [(f64, f64); 2],
 }
 
-/// How a plane is cut into tiles.
+/// How an image is cut into tiles.
 struct Tiling {
     side: usize,
     nx: usize,
@@ -75,8 +75,8 @@ impl Tiling {
     }
 }
 
-/// How well the pattern of an image agrees with a lattice: 1 if every tile is in phase with it, about 0 by chance, negative where
-/// the pattern lies between its lenslets.
+/// How well the pattern of an image agrees with a lattice: 1 if every tile is in phase with it, about 0 by chance,
+/// negative where the pattern lies between its lenslets.
 pub fn phase_agreement(image: &SensorImage, lattice: &Lattice) -> f64 {
     use std::f64::consts::PI;
     let (a, b) = (lattice.a, lattice.b);
@@ -184,8 +184,8 @@ struct PhasePlane {
     coherence: f64,
 }
 
-/// Phase as a linear function over the sensor: slopes from neighbouring tiles first (their phases differ by less than half a
-/// turn), then eight rounds of a robust fit.
+/// Phase as a linear function over the sensor: slopes from neighbouring tiles first (their phases differ by less than
+/// half a turn), then eight rounds of a robust fit.
 fn fit_phase_plane(tiles: &[Tile], w: usize, nx: usize, ny: usize) -> PhasePlane {
     use std::f64::consts::PI;
     let mut slope = [0f64; 2];

@@ -1,6 +1,6 @@
-//! The prior lattice of metadata or camera profile (pitch, rotation, row stretch). If the spectrum peaks where the prior
-//! predicts, the prior's lattice wins, even where something else in the image repeats more strongly. A prior that contradicts
-//! the image changes nothing.
+//! The prior lattice of metadata or camera profile (pitch, rotation, row stretch). If the spectrum peaks where the
+//! prior predicts, the prior's lattice wins, even where something else in the image repeats more strongly. A prior that
+//! contradicts the image changes nothing.
 
 use super::phase::{self, PhaseFit};
 use super::rotation::{self, Fundamentals};
@@ -47,8 +47,8 @@ fn is_combination_of(a: &Fundamentals, b: &Fundamentals) -> bool {
     })
 }
 
-/// The peaks of the spectrum at the fundamentals that a prior predicts: three, 60 degrees apart. Both signs of the rotation are
-/// tried, since cameras differ in it.
+/// The peaks of the spectrum at the fundamentals that a prior predicts: three, 60 degrees apart. Both signs of the
+/// rotation are tried, since cameras differ in it.
 fn predicted_fundamentals(spectrum: &Spectrum, prior: &MlaHint) -> Option<Fundamentals> {
     let (lowest, highest) = rotation::frequency_range();
     let list = spectral_peaks(spectrum, lowest, highest, 2000);

@@ -1,5 +1,5 @@
-//! Algorithm 1, procedure 1, "rotation estimation": which spectral peaks are the fundamentals, and the lattice they imply.
-//! In the paper the local maximum closest to zero frequency gives the direction of the lenslet rows.
+//! Algorithm 1, procedure 1, "rotation estimation": which spectral peaks are the fundamentals, and the lattice they
+//! imply. In the paper the local maximum closest to zero frequency gives the direction of the lenslet rows.
 
 use super::spectrum::{Peak, Spectrum, spectral_peaks};
 use crate::calibration::error::Error;
@@ -39,7 +39,8 @@ fn tolerance(f: [f64; 2], side: usize) -> f64 {
     (SLACK * f[0].hypot(f[1])).max(1.2 / side as f64)
 }
 
-/// The strongest peak near the frequency `at` in a spectrum of `side` bins a side, and its frequency with the sign of `at`.
+/// The strongest peak near the frequency `at` in a spectrum of `side` bins a side, and its frequency with the sign of
+/// `at`.
 pub fn strongest_peak_near(list: &[Peak], at: [f64; 2], side: usize) -> Option<(Peak, [f64; 2])> {
     strongest_within(list, at, tolerance(at, side))
 }
@@ -60,8 +61,8 @@ fn strongest_within(list: &[Peak], at: [f64; 2], slack: f64) -> Option<(Peak, [f
         .max_by(|a, b| a.0.power.total_cmp(&b.0.power))
 }
 
-/// Finds the fundamentals: sets of peaks at equal distance from zero frequency, 60 or 90 degrees apart; among sets of comparable
-/// power the one closest to zero.
+/// Finds the fundamentals: sets of peaks at equal distance from zero frequency, 60 or 90 degrees apart; among sets of
+/// comparable power the one closest to zero.
 ///
 /// # Errors
 /// [`Error::NoPattern`] when no such set stands out.
@@ -105,8 +106,8 @@ pub fn find_fundamentals(spectrum: &Spectrum) -> Result<Fundamentals, Error> {
     })
 }
 
-/// Lattice vectors a, b (pixels) and packing of two fundamental frequencies: a along the direction of nearest neighbours
-/// that lies closest to a pixel axis, b the next 60 (square: 90) degrees clockwise on screen.
+/// Lattice vectors a, b (pixels) and packing of two fundamental frequencies: a along the direction of nearest
+/// neighbours that lies closest to a pixel axis, b the next 60 (square: 90) degrees clockwise on screen.
 pub fn lattice_vectors(square: bool, f1: [f64; 2], f2: [f64; 2]) -> (Grid, [f64; 2], [f64; 2]) {
     let det = f1[0] * f2[1] - f1[1] * f2[0];
     // Columns of the inverse transpose: f1·p = 1, f2·p = 0 and the other way round.

@@ -1,4 +1,5 @@
-//! Algorithm 1, procedure 1, "find local maxima in the frequency domain": Hann-windowed power spectrum, averaged over crops.
+//! Algorithm 1, procedure 1, "find local maxima in the frequency domain": Hann-windowed power spectrum, averaged over
+//! crops.
 
 use rayon::prelude::*;
 use rustfft::FftPlanner;
@@ -118,7 +119,8 @@ fn crop_power(image: &SensorImage, x0: usize, y0: usize, side: usize) -> Vec<f32
 pub fn spectral_peaks(spectrum: &Spectrum, lowest: f64, highest: f64, most: usize) -> Vec<Peak> {
     let n = spectrum.side as i64;
     let half = ((highest * n as f64).ceil() as i64).min(n / 2 - 2);
-    // The median at each distance from zero frequency: scenes and dust are strong near zero and must not count as peaks.
+    // The median at each distance from zero frequency: scenes and dust are strong near zero and must not count as
+    // peaks.
     let mut rings: Vec<Vec<f32>> = vec![Vec::new(); (half as usize * 3) / 2 + 2];
     let mut found = Vec::new();
     for ky in 0..=half {

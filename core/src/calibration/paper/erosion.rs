@@ -1,5 +1,5 @@
-//! Algorithm 1, "erode rotated image" (figure 6a): each pixel becomes the minimum over a disc around it, which leaves one sharp
-//! maximum a lenslet.
+//! Algorithm 1, "erode rotated image" (figure 6a): each pixel becomes the minimum over a disc around it, which leaves
+//! one sharp maximum a lenslet.
 
 use rayon::prelude::*;
 

@@ -4,8 +4,8 @@ use rayon::prelude::*;
 
 use crate::calibration::sensor_image::SensorImage;
 
-/// Pixels (x, y), row by row, above `floor` and not below any pixel within `radius` pixels; of equal ones within the radius only
-/// the first.
+/// Pixels (x, y), row by row, above `floor` and not below any pixel within `radius` pixels; of equal ones within the
+/// radius only the first.
 pub fn local_maxima(image: &SensorImage, radius: f64, floor: f32) -> Vec<[usize; 2]> {
     let reach = radius.max(1.0) as i64;
     let (width, height) = (image.width as i64, image.height as i64);

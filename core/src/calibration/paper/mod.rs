@@ -1,5 +1,5 @@
-//! Algorithm 1 as printed in the paper (section 3.2), and simplified variants, for comparison with the default way. Only here is
-//! the sensor image resampled.
+//! Algorithm 1 as printed in the paper (section 3.2), and simplified variants, for comparison with the default way.
+//! Only here is the sensor image resampled.
 
 pub mod algorithm1;
 pub mod erosion;

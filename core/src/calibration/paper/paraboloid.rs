@@ -1,11 +1,11 @@
-//! Algorithm 1, "fit paraboloid" (figure 6b): min over the six coefficients of Σ (I(x, y) − c0 − c1·x − c2·y − c3·x² − c4·xy − c5·y²)²
-//! over a small square around a local maximum; its top is the sub-pixel centre.
+//! Algorithm 1, "fit paraboloid" (figure 6b): min over the six coefficients of Σ (I(x, y) − c0 − c1·x − c2·y − c3·x² −
+//! c4·xy − c5·y²)² over a small square around a local maximum; its top is the sub-pixel centre.
 
 use crate::calibration::linear;
 use crate::calibration::sensor_image::SensorImage;
 
-/// Top of the least-squares paraboloid over the (2·`reach`+1)² pixels around (`x`, `y`); `None` at the border, where the
-/// paraboloid has no top, or where the top lies more than a pixel and a half away.
+/// Top of the least-squares paraboloid over the (2·`reach`+1)² pixels around (`x`, `y`); `None` at the border, where
+/// the paraboloid has no top, or where the top lies more than a pixel and a half away.
 pub fn paraboloid_top(image: &SensorImage, x: usize, y: usize, reach: usize) -> Option<[f64; 2]> {
     if x < reach || y < reach || x + reach >= image.width || y + reach >= image.height {
         return None;

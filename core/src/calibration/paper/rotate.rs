@@ -1,11 +1,12 @@
-//! Algorithm 1, "rotate image by the estimated angle": resamples every pixel, bilinear. The default way does not rotate.
+//! Algorithm 1, "rotate image by the estimated angle": resamples every pixel, bilinear. The default way does not
+//! rotate.
 
 use rayon::prelude::*;
 
 use crate::calibration::sensor_image::SensorImage;
 
-/// The position in the unrotated image of a point of the rotated one: rotation by `angle` (radians, clockwise on screen) about
-/// the centre of an image of `width`×`height` pixels.
+/// The position in the unrotated image of a point of the rotated one: rotation by `angle` (radians, clockwise on
+/// screen) about the centre of an image of `width`×`height` pixels.
 #[inline]
 pub fn to_unrotated(point: [f64; 2], angle: f64, width: usize, height: usize) -> [f64; 2] {
     let middle = [(width as f64 - 1.0) / 2.0, (height as f64 - 1.0) / 2.0];
@@ -14,7 +15,8 @@ pub fn to_unrotated(point: [f64; 2], angle: f64, width: usize, height: usize) ->
     [middle[0] + c * dx - s * dy, middle[1] + s * dx + c * dy]
 }
 
-/// The image rotated so that a direction at `angle` (radians, clockwise on screen) becomes horizontal; 0 outside the original.
+/// The image rotated so that a direction at `angle` (radians, clockwise on screen) becomes horizontal; 0 outside the
+/// original.
 pub fn rotate_image(image: &SensorImage, angle: f64) -> SensorImage {
     let (width, height) = (image.width, image.height);
     let mut data = vec![0f32; width * height];

@@ -1,4 +1,5 @@
-//! Algorithm 1, "fit Delaunay triangulation" (figure 6d): the neighbours of centres, and from them each centre's lattice index.
+//! Algorithm 1, "fit Delaunay triangulation" (figure 6d): the neighbours of centres, and from them each centre's
+//! lattice index.
 
 use spade::{DelaunayTriangulation, HasPosition, Point2, Triangulation};
 
@@ -13,8 +14,8 @@ impl HasPosition for Vertex {
     }
 }
 
-/// Edges of the Delaunay triangulation of the centres, as pairs of indices; empty where it does not exist (points that are not
-/// finite, or coincide).
+/// Edges of the Delaunay triangulation of the centres, as pairs of indices; empty where it does not exist (points that
+/// are not finite, or coincide).
 pub fn delaunay_edges(centres: &[[f64; 2]]) -> Vec<[usize; 2]> {
     // Coordinates too small for the triangulation's predicates count as zero.
     let tidy = |v: f64| if v.abs() < 1e-9 { 0.0 } else { v };
@@ -27,9 +28,9 @@ pub fn delaunay_edges(centres: &[[f64; 2]]) -> Vec<[usize; 2]> {
     }
 }
 
-/// Lattice index (i, j) of each centre, found by walking the triangulation from the centre nearest the lattice's origin: each
-/// edge is one of the six (square: eight) steps between neighbours. Edges that are no such step, over a missing lenslet or
-/// along the border, are not walked. `None` for centres that cannot be reached.
+/// Lattice index (i, j) of each centre, found by walking the triangulation from the centre nearest the lattice's
+/// origin: each edge is one of the six (square: eight) steps between neighbours. Edges that are no such step, over a
+/// missing lenslet or along the border, are not walked. `None` for centres that cannot be reached.
 pub fn index_centres(centres: &[[f64; 2]], edges: &[[usize; 2]], lattice: &Lattice) -> Vec<Option<[i32; 2]>> {
     let mut index = vec![None; centres.len()];
     let mut neighbours: Vec<Vec<usize>> = vec![Vec::new(); centres.len()];

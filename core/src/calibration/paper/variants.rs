@@ -61,8 +61,8 @@ pub fn apply_variant(
     Ok(())
 }
 
-/// The ideal grid with the packing and origin of `found`, of the given pitch (pixels) and rotation (radians), without row
-/// stretch.
+/// The ideal grid with the packing and origin of `found`, of the given pitch (pixels) and rotation (radians), without
+/// row stretch.
 pub fn ideal_lattice(found: &Lattice, pitch: f64, rotation: f64, width: usize, height: usize) -> Lattice {
     let (s, c) = rotation.sin_cos();
     let a = match found.grid {

@@ -1,11 +1,13 @@
-//! Algorithm 1, "demosaicking" and "grayscale conversion": a white scene is the same in every channel, so scaling the channels to
-//! one mean gives red = green = blue at every pixel, and the grey image is the scaled mosaic itself. Nothing is interpolated.
+//! Algorithm 1, "demosaicking" and "grayscale conversion": a white scene is the same in every channel, so scaling the
+//! channels to one mean gives red = green = blue at every pixel, and the grey image is the scaled mosaic itself.
+//! Nothing is interpolated.
 
 use rayon::prelude::*;
 
 use crate::calibration::sensor_image::SensorImage;
 
-/// Scales the four places of the 2×2 tile so that the mean of each is 1; returns the gains used (1 for a place without light).
+/// Scales the four places of the 2×2 tile so that the mean of each is 1; returns the gains used (1 for a place without
+/// light).
 pub fn equalise_channels(image: &mut SensorImage) -> [f32; 4] {
     let width = image.width;
     let rows: Vec<[f64; 2]> = image

@@ -1,6 +1,6 @@
-//! Hot pixels: bright without light, found in black images (captures with the lens covered). Each image votes for the pixels
-//! that exceed its own noise; a pixel with more than half of the votes is hot. (Not part of Algorithm 1; a hot pixel under a
-//! lenslet biases its centre.)
+//! Hot pixels: bright without light, found in black images (captures with the lens covered). Each image votes for the
+//! pixels that exceed its own noise; a pixel with more than half of the votes is hot. (Not part of Algorithm 1; a hot
+//! pixel under a lenslet biases its centre.)
 
 use rayon::prelude::*;
 
@@ -38,8 +38,8 @@ pub const PIXELS_PER_HOT_PIXEL: usize = 100;
 /// ```
 ///
 /// # Errors
-/// [`Error::SizesDiffer`], [`Error::CamerasDiffer`], [`Error::BadImage`]; [`Error::NotBlack`] for an image with light on it, or
-/// when more than one pixel in a hundred is hot.
+/// [`Error::SizesDiffer`], [`Error::CamerasDiffer`], [`Error::BadImage`]; [`Error::NotBlack`] for an image with light
+/// on it, or when more than one pixel in a hundred is hot.
 pub fn find_hot_pixels(blacks: &[Capture]) -> Result<Vec<u32>, Error> {
     if blacks.is_empty() {
         return Ok(Vec::new());

@@ -112,8 +112,8 @@ fn sample_micro_image(image: &[f32], steps: usize, u: f64, w: f64) -> f32 {
     bilinear_bins(steps, u, w).iter().map(|&(cell, share)| share * image[cell]).sum()
 }
 
-/// Means of the bins. Bins with few or no pixels, which occur where lattice and pixel raster are commensurate, are smoothed
-/// towards their neighbours.
+/// Means of the bins. Bins with few or no pixels, which occur where lattice and pixel raster are commensurate, are
+/// smoothed towards their neighbours.
 fn fill_bins(sums: &[[f64; 2]], steps: usize) -> Vec<f32> {
     let total: [f64; 2] = sums.iter().fold([0.0; 2], |s, v| [s[0] + v[0], s[1] + v[1]]);
     if total[1] <= 0.0 {

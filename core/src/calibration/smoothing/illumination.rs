@@ -1,6 +1,6 @@
-//! Illumination of the sensor by the main lens, F(x, y), from the lenslets' own brightness: a robust polynomial of degree 4 times
-//! a smoothed coarse grid of what the polynomial leaves. Its slope would bias every fitted centre towards the sensor's centre,
-//! so measuring divides by it.
+//! Illumination of the sensor by the main lens, F(x, y), from the lenslets' own brightness: a robust polynomial of
+//! degree 4 times a smoothed coarse grid of what the polynomial leaves. Its slope would bias every fitted centre
+//! towards the sensor's centre, so measuring divides by it.
 
 use crate::calibration::centres::measured::MeasuredLenslet;
 use crate::calibration::linear;
@@ -34,8 +34,8 @@ pub struct Illumination {
 }
 
 impl Illumination {
-    /// Fits the illumination to the usable lenslets of a sensor of `width`×`height` pixels: a robust polynomial, then medians of
-    /// the ratio over cells of about six lenslets a side, holes filled from neighbours, smoothed twice.
+    /// Fits the illumination to the usable lenslets of a sensor of `width`×`height` pixels: a robust polynomial, then
+    /// medians of the ratio over cells of about six lenslets a side, holes filled from neighbours, smoothed twice.
     pub fn new(measured: &[MeasuredLenslet], width: usize, height: usize, pitch: f64) -> Self {
         let cell = (6.0 * pitch).max(width.max(height) as f64 / 256.0);
         let columns = (width as f64 / cell).ceil().max(1.0) as usize;
@@ -93,8 +93,8 @@ impl Illumination {
         self.broad_at(x, y) * self.rest_at(x, y)
     }
 
-    /// Relative slope (∂F/∂x, ∂F/∂y)/F at (`x`, `y`), 1/pixel; that of the residual grid is taken over the distance of a cell,
-    /// one-sided at the border.
+    /// Relative slope (∂F/∂x, ∂F/∂y)/F at (`x`, `y`), 1/pixel; that of the residual grid is taken over the distance of
+    /// a cell, one-sided at the border.
     pub fn relative_slope(&self, x: f64, y: f64) -> [f64; 2] {
         let (right, bottom) = ((self.columns as f64 - 0.5) * self.cell, (self.rows as f64 - 0.5) * self.cell);
         let bounds = |p: f64, end: f64| {

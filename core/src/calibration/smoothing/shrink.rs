@@ -1,7 +1,7 @@
-//! Empirical-Bayes shrinkage: centre = lattice prediction + trust · residual, with trust = (τ² − s²) / (τ² + σ²). τ² is the
-//! variance of lenslets about the lattice plus a smooth distortion (cubic in x and y), σ² the variance of a lenslet's
-//! measurement, s² the covariance of neighbours' residuals. All are estimated from the image: σ² from the misfit of lenslets
-//! of similar brightness, τ² by maximum likelihood over all residuals. (Beyond paper section 3.2.)
+//! Empirical-Bayes shrinkage: centre = lattice prediction + trust · residual, with trust = (τ² − s²) / (τ² + σ²). τ² is
+//! the variance of lenslets about the lattice plus a smooth distortion (cubic in x and y), σ² the variance of a
+//! lenslet's measurement, s² the covariance of neighbours' residuals. All are estimated from the image: σ² from the
+//! misfit of lenslets of similar brightness, τ² by maximum likelihood over all residuals. (Beyond paper section 3.2.)
 
 use crate::calibration::centres::measured::MeasuredLenslet;
 use crate::calibration::linear;
@@ -62,8 +62,8 @@ impl MisfitTable {
     }
 }
 
-/// Shrinks measured centres towards the lattice plus a smooth distortion, each by the variance of its measurement; `width` and
-/// `height` are the sensor's, pixels.
+/// Shrinks measured centres towards the lattice plus a smooth distortion, each by the variance of its measurement;
+/// `width` and `height` are the sensor's, pixels.
 pub fn shrink_centres(lattice: &Lattice, measured: &[MeasuredLenslet], width: usize, height: usize) -> ShrunkCentres {
     let table = MisfitTable::new(measured);
     let variances: Vec<[f64; 2]> = measured
@@ -95,8 +95,8 @@ pub fn shrink_centres(lattice: &Lattice, measured: &[MeasuredLenslet], width: us
             *rest = [raw[0] - d[0], raw[1] - d[1]];
         }
     }
-    // Position errors of lenslets are independent: what neighbours in a row share beyond the smooth distortion comes from a
-    // scene, a reflection or a film of dust, and counts as noise.
+    // Position errors of lenslets are independent: what neighbours in a row share beyond the smooth distortion comes
+    // from a scene, a reflection or a film of dust, and counts as noise.
     let shared = tau * shared_scatter(measured, &rests, &accepted, tau);
     let mut sum = 0.0;
     let mut noise_sum = 0.0;
@@ -129,7 +129,8 @@ pub fn shrink_centres(lattice: &Lattice, measured: &[MeasuredLenslet], width: us
     }
 }
 
-/// Share of the variance that neighbours in a row have in common, s²/τ², 0 to 1: mean product of their residuals over τ².
+/// Share of the variance that neighbours in a row have in common, s²/τ², 0 to 1: mean product of their residuals over
+/// τ².
 fn shared_scatter(measured: &[MeasuredLenslet], rests: &[[f64; 2]], accepted: &[bool], tau: f64) -> f64 {
     let (mut sum, mut count) = (0.0, 0usize);
     for k in 1..measured.len() {
@@ -156,7 +157,8 @@ fn estimate_scatter(rests: &[[f64; 2]], variances: &[[f64; 2]], accepted: &[bool
     }
     let half = squares.len() / 2;
     let median = *squares.select_nth_unstable_by(half, f64::total_cmp).1;
-    // Outliers must not raise τ²: residuals beyond four robust standard deviations are left out (median of r² is 1.386 σ²).
+    // Outliers must not raise τ²: residuals beyond four robust standard deviations are left out (median of r² is 1.386
+    // σ²).
     let far = 16.0 * median / 1.386;
     let score = |t: f64| {
         let mut sum = 0.0;

@@ -4,7 +4,7 @@ use crate::calibration::error::Error;
 use crate::calibration::*;
 use crate::container::Capture;
 use crate::progress::Silent;
-use planted::{BLACK, Plant, WHITE, capture};
+use planted::{BLACK, PlantedCamera, WHITE, capture};
 
 pub(super) mod planted;
 mod robustness;
@@ -16,14 +16,14 @@ pub(super) const CENTRES: CalibrationOptions = CalibrationOptions {
     names: Vec::new(),
 };
 
-fn centres(plant: &Plant) -> (Calibration, Vec<[f64; 2]>) {
-    let (white, truth) = plant.grow();
+fn centres(plant: &PlantedCamera) -> (Calibration, Vec<[f64; 2]>) {
+    let (white, truth) = plant.white_image();
     let found = calibrate(&[white], &CENTRES, &Silent).unwrap();
     (found, truth.into_iter().map(|t| t.1).collect())
 }
 
-/// RMS distance of the true centres `border` pixels inside to the nearest found; the worst; and how many have none within a
-/// pixel; found ones with no true one near count too.
+/// Over true centres at least `border` pixels inside: RMS distance to the nearest centre found, the largest distance,
+/// and the number of errors (true centres without one found within a pixel, and surplus centres found).
 pub(super) fn compare(found: &Calibration, truth: &[[f64; 2]], border: f64) -> (f64, f64, usize) {
     let (w, h) = (found.width as f64 - 1.0, found.height as f64 - 1.0);
     let inside = |x: f64, y: f64| x > border && y > border && x < w - border && y < h - border;
@@ -54,7 +54,7 @@ pub(super) fn compare(found: &Calibration, truth: &[[f64; 2]], border: f64) -> (
     }
     let expected = truth.iter().filter(|c| inside(c[0], c[1])).count();
     let got = found.lenslets.iter().filter(|l| inside(l.x, l.y)).count();
-    // A lenslet on the line may fall on either side of it.
+    // A lenslet on the border line may fall on either side of it.
     let invented = got.saturating_sub(expected + 2 + expected / 200);
     ((sum / f64::from(n.max(1))).sqrt(), worst, lost + invented)
 }
@@ -76,7 +76,7 @@ pub(super) fn lattice_distance(found: &Lattice, truth: &Lattice, w: usize, h: us
 
 #[test]
 fn regular_lenslets_are_found_to_hundredths() {
-    let plant = Plant::default();
+    let plant = PlantedCamera::default();
     let (found, truth) = centres(&plant);
     let (rms, worst, wrong) = compare(&found, &truth, 20.0);
     assert!(rms < 0.01 && worst < 0.05 && wrong == 0, "rms {rms} worst {worst} wrong {wrong}");
@@ -87,7 +87,7 @@ fn regular_lenslets_are_found_to_hundredths() {
 
 #[test]
 fn lenslets_of_their_own_places_are_found() {
-    let plant = Plant { jitter: 0.1, rotation: 0.01, ..Plant::default() };
+    let plant = PlantedCamera { jitter: 0.1, rotation: 0.01, ..PlantedCamera::default() };
     let (found, truth) = centres(&plant);
     let (rms, _, wrong) = compare(&found, &truth, 20.0);
     assert!(rms < 0.03 && wrong == 0, "rms {rms} wrong {wrong}");
@@ -97,7 +97,7 @@ fn lenslets_of_their_own_places_are_found() {
 
 #[test]
 fn in_noise_the_shrunk_centre_beats_both_measurement_and_lattice() {
-    let plant = Plant { jitter: 0.1, noise: 2.5, exposure: 0.35, ..Plant::default() };
+    let plant = PlantedCamera { jitter: 0.1, noise: 2.5, exposure: 0.35, ..PlantedCamera::default() };
     let (found, truth) = centres(&plant);
     let (rms, _, wrong) = compare(&found, &truth, 20.0);
     let lattice_alone = 0.1 * std::f64::consts::SQRT_2;
@@ -121,7 +121,7 @@ fn any_pitch_rotation_and_packing_without_a_hint() {
             (30.0, 0.1),
         ] {
             seed += 1;
-            let plant = Plant { grid, pitch, rotation, seed, width: 560, height: 500, ..Plant::default() };
+            let plant = PlantedCamera { grid, pitch, rotation, seed, width: 560, height: 500, ..PlantedCamera::default() };
             let (found, truth) = centres(&plant);
             let (rms, worst, wrong) = compare(&found, &truth, 20.0);
             let l = found.lattice;
@@ -137,8 +137,8 @@ fn any_pitch_rotation_and_packing_without_a_hint() {
 
 #[test]
 fn faults_of_the_sensor_do_no_harm() {
-    let plant = Plant { jitter: 0.05, ..Plant::default() };
-    let (mut white, truth) = plant.grow();
+    let plant = PlantedCamera { jitter: 0.05, ..PlantedCamera::default() };
+    let (mut white, truth) = plant.white_image();
     let w = plant.width;
     // Dead lenslets, hot pixels, a scratch, a saturated corner, a dark border.
     for (k, (_, c)) in truth.iter().enumerate() {
@@ -184,7 +184,7 @@ fn faults_of_the_sensor_do_no_harm() {
     let (rms, worst, wrong) = compare(&found, &all, 20.0);
     assert!(rms < 0.06 && worst < 0.4 && wrong == 0, "all lenslets: {rms} {worst} {wrong}");
     assert!(lattice_distance(&found.lattice, &plant.lattice(), 640, 640) < 0.02);
-    // Dead lenslets stand on the lattice and say so.
+    // Dead lenslets lie on the lattice and have no trust.
     let dead = truth[97 * 3].1;
     let l = found.lenslets.iter().min_by(|p, q| {
         let d = |l: &Lenslet| (l.x - dead[0]).hypot(l.y - dead[1]);
@@ -195,7 +195,7 @@ fn faults_of_the_sensor_do_no_harm() {
 
 #[test]
 fn vignetting_does_not_pull_centres() {
-    let strong = Plant { vignetting: 0.85, noise: 0.0, ..Plant::default() };
+    let strong = PlantedCamera { vignetting: 0.85, noise: 0.0, ..PlantedCamera::default() };
     let (found, truth) = centres(&strong);
     let (rms, worst, _) = compare(&found, &truth, 20.0);
     assert!(rms < 0.01 && worst < 0.05, "{rms} {worst}");
@@ -203,8 +203,8 @@ fn vignetting_does_not_pull_centres() {
 
 #[test]
 fn a_cropped_image_has_shifted_centres() {
-    let plant = Plant { jitter: 0.1, ..Plant::default() };
-    let (white, _) = plant.grow();
+    let plant = PlantedCamera { jitter: 0.1, ..PlantedCamera::default() };
+    let (white, _) = plant.white_image();
     let whole = calibrate(std::slice::from_ref(&white), &CENTRES, &Silent).unwrap();
     // An even shift keeps the colours where they are.
     let (dx, dy, w, h) = (38, 64, 520, 480);
@@ -217,8 +217,8 @@ fn a_cropped_image_has_shifted_centres() {
 
 #[test]
 fn a_turned_image_has_turned_centres() {
-    let plant = Plant { jitter: 0.1, width: 560, height: 480, ..Plant::default() };
-    let (white, _) = plant.grow();
+    let plant = PlantedCamera { jitter: 0.1, width: 560, height: 480, ..PlantedCamera::default() };
+    let (white, _) = plant.white_image();
     let upright = calibrate(std::slice::from_ref(&white), &CENTRES, &Silent).unwrap();
     let (w, h) = (plant.width, plant.height);
     // A quarter turn clockwise: (x, y) goes to (h−1−y, x).
@@ -237,16 +237,16 @@ fn a_turned_image_has_turned_centres() {
 
 #[test]
 fn several_whites_beat_one() {
-    let plant = Plant { jitter: 0.1, noise: 2.5, exposure: 0.35, width: 400, height: 400, ..Plant::default() };
-    let (first, truth) = plant.grow();
+    let plant = PlantedCamera { jitter: 0.1, noise: 2.5, exposure: 0.35, width: 400, height: 400, ..PlantedCamera::default() };
+    let (first, truth) = plant.white_image();
     let truth: Vec<[f64; 2]> = truth.into_iter().map(|t| t.1).collect();
     // The same camera, other noise: rows of the noise generator start elsewhere, the lenslets' generator does not.
     let mut whites = vec![first];
-    let clean = Plant { noise: 0.0, ..plant.clone() }.grow().0;
+    let clean = PlantedCamera { noise: 0.0, ..plant.clone() }.white_image().0;
     for n in 1..4u64 {
         let mut other = clean.clone();
-        let noise = Plant { seed: 100 + n, jitter: 0.0, ..plant.clone() };
-        let (with, without) = (noise.grow().0, Plant { noise: 0.0, ..noise.clone() }.grow().0);
+        let noise = PlantedCamera { seed: 100 + n, jitter: 0.0, ..plant.clone() };
+        let (with, without) = (noise.white_image().0, PlantedCamera { noise: 0.0, ..noise.clone() }.white_image().0);
         for ((v, a), b) in other.mosaic.data.iter_mut().zip(&with.mosaic.data).zip(&without.mosaic.data) {
             *v = (i32::from(*v) + i32::from(*a) - i32::from(*b)).clamp(0, 4095) as u16;
         }
@@ -259,7 +259,7 @@ fn several_whites_beat_one() {
 
 #[test]
 fn threads_change_nothing() {
-    let (white, _) = Plant { jitter: 0.1, ..Plant::default() }.grow();
+    let (white, _) = PlantedCamera { jitter: 0.1, ..PlantedCamera::default() }.white_image();
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| calibrate(std::slice::from_ref(&white), &CalibrationOptions::default(), &Silent).unwrap())
@@ -270,8 +270,8 @@ fn threads_change_nothing() {
 
 #[test]
 fn the_white_pattern_is_one_at_centres_in_full_light() {
-    let plant = Plant { vignetting: 0.0, noise: 0.0, ..Plant::default() };
-    let (white, _) = plant.grow();
+    let plant = PlantedCamera { vignetting: 0.0, noise: 0.0, ..PlantedCamera::default() };
+    let (white, _) = plant.white_image();
     let found = calibrate(&[white], &CalibrationOptions::default(), &Silent).unwrap();
     let v = found.vignetting.as_ref().unwrap();
     assert_eq!((v.width, v.height, v.white.len()), (640, 640, 640 * 640));
@@ -287,8 +287,8 @@ fn the_white_pattern_is_one_at_centres_in_full_light() {
 
 #[test]
 fn the_papers_own_way_works_and_is_worse() {
-    let plant = Plant { jitter: 0.1, ..Plant::default() };
-    let (white, truth) = plant.grow();
+    let plant = PlantedCamera { jitter: 0.1, ..PlantedCamera::default() };
+    let (white, truth) = plant.white_image();
     let truth: Vec<[f64; 2]> = truth.into_iter().map(|t| t.1).collect();
     let run = |variant| {
         let options = CalibrationOptions { variant, without_vignetting: true, ..CalibrationOptions::default() };
@@ -329,8 +329,8 @@ pub(super) fn scenes(white: &Capture, count: u32) -> Vec<Capture> {
 
 #[test]
 fn captures_without_whites_give_the_lattice() {
-    let plant = Plant { jitter: 0.1, width: 700, height: 600, ..Plant::default() };
-    let (white, truth) = plant.grow();
+    let plant = PlantedCamera { jitter: 0.1, width: 700, height: 600, ..PlantedCamera::default() };
+    let (white, truth) = plant.white_image();
     let scenes = scenes(&white, 4);
     let found = calibrate_from_captures(&scenes, &CalibrationOptions::default(), &Silent).unwrap();
     assert!(lattice_distance(&found.lattice, &plant.lattice(), 700, 600) < 0.1);
@@ -385,8 +385,8 @@ fn what_is_no_white_image_is_refused_with_the_reason() {
 
 #[test]
 fn images_of_different_cameras_are_refused() {
-    let (white, _) = Plant { width: 200, height: 200, ..Plant::default() }.grow();
-    let (other, _) = Plant { width: 220, height: 200, ..Plant::default() }.grow();
+    let (white, _) = PlantedCamera { width: 200, height: 200, ..PlantedCamera::default() }.white_image();
+    let (other, _) = PlantedCamera { width: 220, height: 200, ..PlantedCamera::default() }.white_image();
     assert!(matches!(calibrate(&[white.clone(), other], &CENTRES, &Silent), Err(Error::SizesDiffer { index: 2, .. })));
     let named = |serial: &str| {
         let mut c = white.clone();
@@ -417,7 +417,7 @@ fn interruption_ends_the_work() {
             true
         }
     }
-    let (white, _) = Plant { width: 200, height: 200, ..Plant::default() }.grow();
+    let (white, _) = PlantedCamera { width: 200, height: 200, ..PlantedCamera::default() }.white_image();
     assert!(matches!(calibrate(std::slice::from_ref(&white), &CENTRES, &Stop), Err(Error::Interrupted(_))));
     assert!(matches!(calibrate_from_captures(&[white], &CENTRES, &Stop), Err(Error::Interrupted(_))));
 }

@@ -1,4 +1,4 @@
-//! White images with planted lenslets, for the tests: what is found must be what was planted.
+//! White images with planted lenslets, for tests: calibration must find the planted centres.
 
 use rand::{Rng, RngExt, SeedableRng, rngs::ChaCha8Rng};
 use rayon::prelude::*;
@@ -9,20 +9,20 @@ use crate::container::{Capture, Cfa, Levels, RawMosaic};
 /// A true lenslet: lattice index and centre.
 pub type Planted = ([i32; 2], [f64; 2]);
 
-/// What to plant.
+/// A camera whose white image shows planted lenslets.
 #[derive(Debug, Clone)]
-pub struct Plant {
+pub struct PlantedCamera {
     pub width: usize,
     pub height: usize,
     pub grid: Grid,
     pub pitch: f64,
     pub rotation: f64,
     pub stretch: f64,
-    /// Offset of a lenslet from the sensor's middle.
+    /// Offset of lenslet (0, 0) from the sensor's centre, pixels.
     pub offset: [f64; 2],
-    /// Standard deviation of the lenslets' own offsets, pixels an axis.
+    /// Standard deviation of the lenslets' position errors, pixels an axis.
     pub jitter: f64,
-    /// Darkening of the corners, 0..1.
+    /// Share of light lost in the corners, 0 to 1.
     pub vignetting: f64,
     /// Share of the full scale at the brightest pixel.
     pub exposure: f64,
@@ -31,9 +31,9 @@ pub struct Plant {
     pub seed: u64,
 }
 
-impl Default for Plant {
+impl Default for PlantedCamera {
     fn default() -> Self {
-        Plant {
+        PlantedCamera {
             width: 640,
             height: 640,
             grid: Grid::HexRows,
@@ -53,7 +53,7 @@ impl Default for Plant {
 pub const BLACK: f64 = 168.0;
 pub const WHITE: f64 = 4095.0;
 
-impl Plant {
+impl PlantedCamera {
     pub fn lattice(&self) -> Lattice {
         let (s, c) = self.rotation.sin_cos();
         let (p, row) = match self.grid {
@@ -68,8 +68,8 @@ impl Plant {
         Lattice { grid: self.grid, origin, a: turn(quarter([self.pitch, 0.0])), b: turn(quarter([p, row])) }
     }
 
-    /// The captures and the true centres (with their own offsets), by lattice index.
-    pub fn grow(&self) -> (Capture, Vec<Planted>) {
+    /// The white image, and the true centres (with their position errors) by lattice index.
+    pub fn white_image(&self) -> (Capture, Vec<Planted>) {
         let lattice = self.lattice();
         let reach = 2 * (self.width.max(self.height) as f64 / self.pitch) as i32 + 12;
         let side = (2 * reach + 1) as usize;
@@ -136,7 +136,7 @@ impl Plant {
     }
 }
 
-/// A capture with an F01's levels.
+/// A capture with the black and white levels of a Lytro F01.
 pub fn capture(width: usize, height: usize, data: Vec<u16>) -> Capture {
     let levels = Levels { black: [BLACK as f32; 4], white: [WHITE as f32; 4] };
     Capture { source_sha256: "planted".into(), ..Capture::bare(RawMosaic { width, height, data }, Cfa::Bggr, levels) }

@@ -1,17 +1,17 @@
-//! What must not harm a calibration: hot pixels, wrong first guesses, bad images among good ones, any lattice and light.
+//! Robustness of a calibration against hot pixels, wrong priors, bad images among good ones, any lattice and light.
 
 use std::sync::Mutex;
 
 use proptest::prelude::*;
 
-use super::planted::{BLACK, Plant, WHITE, capture};
+use super::planted::{BLACK, PlantedCamera, WHITE, capture};
 use super::{CENTRES, compare, lattice_distance, scenes};
 use crate::calibration::*;
 use crate::container::{Capture, MlaHint};
 use crate::progress::Observer;
 use crate::progress::Silent;
 
-/// Keeps the notes.
+/// Collects the notes.
 #[derive(Default)]
 struct Notes(Mutex<Vec<String>>);
 
@@ -23,9 +23,9 @@ impl Observer for Notes {
 
 #[test]
 fn hot_pixels_of_black_images_are_left_out_of_centres_and_white_image() {
-    let plant = Plant { jitter: 0.05, width: 400, height: 400, ..Plant::default() };
-    let (clean, truth) = plant.grow();
-    // Beside every twelfth lenslet's middle a few pixels glow: too little to stand out, enough to pull.
+    let plant = PlantedCamera { jitter: 0.05, width: 400, height: 400, ..PlantedCamera::default() };
+    let (clean, truth) = plant.white_image();
+    // Near every twelfth centre a few pixels are slightly bright: not outliers, but enough to bias the centre.
     let near: Vec<[f64; 2]> =
         truth.iter().map(|t| t.1).enumerate().filter(|(k, _)| k % 12 == 0).map(|(_, c)| c).collect();
     let mut hot: Vec<u32> = near
@@ -52,7 +52,7 @@ fn hot_pixels_of_black_images_are_left_out_of_centres_and_white_image() {
     let all = (rms(&known), rms(&unknown), rms(&never));
     assert!(all.0 < 1.25 * all.2 && all.1 > 1.5 * all.0, "known, unknown, never hot: {all:?}");
     assert_eq!((known.hot_pixels.as_slice(), unknown.hot_pixels.len()), (hot.as_slice(), 0));
-    // The white image is whole there, to what can be told from its neighbours.
+    // In the white image they are filled from their neighbours.
     hot.iter().for_each(|&k| white.mosaic.data[k as usize] = 4095);
     let at = |c: &Calibration, k: u32| f64::from(c.vignetting.as_ref().unwrap().white[k as usize]) / 32768.0;
     let off = |c: &Calibration| hot.iter().map(|&k| (at(c, k) - at(&never, k)).powi(2)).sum::<f64>();
@@ -71,10 +71,10 @@ fn hot_pixels_of_black_images_are_left_out_of_centres_and_white_image() {
 }
 
 #[test]
-fn a_wrong_first_guess_changes_nothing() {
+fn a_wrong_prior_changes_nothing() {
     for (grid, pitch) in [(Grid::HexRows, 10.0), (Grid::HexColumns, 14.286), (Grid::Square, 12.0)] {
-        let plant = Plant { grid, pitch, width: 300, height: 280, ..Plant::default() };
-        let (mut white, _) = plant.grow();
+        let plant = PlantedCamera { grid, pitch, width: 300, height: 280, ..PlantedCamera::default() };
+        let (mut white, _) = plant.white_image();
         let blind = calibrate(std::slice::from_ref(&white), &CENTRES, &Silent).unwrap();
         // Other pitches, the pattern's own overtones and subharmonics among them, other angles.
         for factor in [0.5, 1.0 / 3f64.sqrt(), 0.8, 1.0, 1.2, 3f64.sqrt(), 2.0] {
@@ -90,7 +90,7 @@ fn a_wrong_first_guess_changes_nothing() {
             }
         }
     }
-    // No pattern stays no pattern, whatever is promised.
+    // A prior does not make a pattern where there is none.
     let noise = (0..300 * 300u32).map(|k| 900 + (k.wrapping_mul(2_654_435_761) >> 20) as u16 % 700).collect();
     let mut nothing = capture(300, 300, noise);
     nothing.mla = Some(MlaHint { pitch: 10.0, rotation: 0.003, row_stretch: 1.0004 });
@@ -98,9 +98,9 @@ fn a_wrong_first_guess_changes_nothing() {
 }
 
 #[test]
-fn a_true_first_guess_is_not_misled_by_what_else_repeats() {
-    let plant = Plant { width: 400, height: 400, ..Plant::default() };
-    let (clean, _) = plant.grow();
+fn a_true_prior_wins_over_other_periodic_patterns() {
+    let plant = PlantedCamera { width: 400, height: 400, ..PlantedCamera::default() };
+    let (clean, _) = plant.white_image();
     let right = |c: &Result<Calibration, Error>| {
         c.as_ref().is_ok_and(|c| lattice_distance(&c.lattice, &plant.lattice(), 400, 400) < 0.3)
     };
@@ -124,15 +124,15 @@ fn a_true_first_guess_is_not_misled_by_what_else_repeats() {
 
 #[test]
 fn bad_images_among_good_ones_are_left_out_with_a_note() {
-    let plant = Plant { jitter: 0.05, width: 400, height: 400, ..Plant::default() };
-    let (white, _) = plant.grow();
+    let plant = PlantedCamera { jitter: 0.05, width: 400, height: 400, ..PlantedCamera::default() };
+    let (white, _) = plant.white_image();
     let flat = |v: f64| capture(400, 400, vec![v as u16; 160_000]);
     // A quarter turn: its lenslets lie elsewhere.
     let mut turned = white.clone();
     turned.mosaic.data = (0..160_000).map(|k| white.mosaic.data[(399 - k % 400) * 400 + k / 400]).collect();
     let mut broken = white.clone();
     broken.mosaic.data.pop();
-    let larger = Plant { width: 420, ..plant.clone() }.grow().0;
+    let larger = PlantedCamera { width: 420, ..plant.clone() }.white_image().0;
     let good = scenes(&white, 4);
     let bad = [flat(BLACK), flat(WHITE), broken, larger, scenes(&turned, 1).remove(0), flat(1500.0)];
     let mut all = good.clone();
@@ -173,11 +173,11 @@ proptest! {
     ) {
         let grid = [Grid::HexRows, Grid::HexColumns, Grid::Square][kind];
         // Square grids stretched by more than noise are no lattice of their own: the axis may be called the other's.
-        let plant = Plant {
+        let plant = PlantedCamera {
             grid, pitch, rotation, stretch, vignetting, seed,
-            offset: [offset.0, offset.1], jitter: 0.03, width: 420, height: 360, ..Plant::default()
+            offset: [offset.0, offset.1], jitter: 0.03, width: 420, height: 360, ..PlantedCamera::default()
         };
-        let (white, truth) = plant.grow();
+        let (white, truth) = plant.white_image();
         let found = calibrate(&[white], &CENTRES, &Silent).unwrap();
         let truth: Vec<[f64; 2]> = truth.into_iter().map(|t| t.1).collect();
         let (rms, worst, wrong) = compare(&found, &truth, 20.0);
@@ -188,8 +188,8 @@ proptest! {
 
 #[test]
 fn dust_does_little_harm() {
-    let plant = Plant { jitter: 0.05, width: 420, height: 400, ..Plant::default() };
-    let (mut white, truth) = plant.grow();
+    let plant = PlantedCamera { jitter: 0.05, width: 420, height: 400, ..PlantedCamera::default() };
+    let (mut white, truth) = plant.white_image();
     let truth: Vec<[f64; 2]> = truth.into_iter().map(|t| t.1).collect();
     // Soft spots that take up to half of the light.
     let spots: Vec<[f64; 2]> =
