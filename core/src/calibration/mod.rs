@@ -37,7 +37,6 @@ mod centres;
 mod checks;
 mod compatibility;
 mod error;
-pub mod figures;
 mod file;
 mod fundamentals;
 mod lattice;

@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use lenslet::image_io;
-use lenslet_core::calibration::figures::{self, Picture};
+use lenslet::image_io::Picture;
 use lenslet_core::calibration::{self, Calibration, CalibrationOptions, CalibrationVariant, paper};
 use lenslet_core::container::Capture;
 use lenslet_core::container::whites::{self, CalibrationImage, ExposureClass};
@@ -13,6 +12,7 @@ use lenslet_core::progress::{Observer, Silent};
 use serde_json::{Value, json};
 
 use super::{Context, Outcome};
+use crate::report::calibration_figures;
 
 /// Black images of a camera looked at, at most.
 const MOST_BLACKS: usize = 8;
@@ -84,9 +84,9 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let found = found.map_err(|e| e.in_file_of(&paths))?;
     calibration::save(&args.out, &found, args.force)?;
     if !pictures.is_empty() {
-        let [whole, close] = figures::centres(&found);
-        let far = figures::far(&found);
-        let residuals = figures::residuals(&found, far);
+        let [whole, close] = calibration_figures::draw_centres(&found);
+        let far = calibration_figures::residual_scale(&found);
+        let residuals = calibration_figures::draw_residuals(&found, far);
         context.progress.note(&format!("residual map: full brightness is {far:.3} px off the regular lattice"));
         for (path, picture) in pictures.iter().zip([whole, close, residuals]) {
             write_picture(path, args.force, picture)?;
@@ -98,7 +98,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         let kept: Vec<&Capture> = kept.into_iter().map(|k| k.1).collect();
         let stages = paper::run_algorithm1(&kept, &context.progress).map_err(|e| e.in_file_of(&paths))?;
         let pending = output::Pending::directory(folder, args.force)?;
-        for (name, picture) in figures::steps(&stages, kept[0].cfa) {
+        for (name, picture) in calibration_figures::draw_algorithm1(&stages, kept[0].cfa) {
             write_picture(&pending.path().join(name), false, picture)?;
         }
         pending.commit()?;
@@ -116,7 +116,6 @@ fn pictures_of(path: &Path) -> Vec<PathBuf> {
 }
 
 fn write_picture(path: &Path, force: bool, picture: Picture) -> anyhow::Result<()> {
-    let picture = image_io::Picture { width: picture.width, height: picture.height, rgb: picture.rgb };
     Ok(output::write_file(path, force, &picture.to_png()?)?)
 }
 

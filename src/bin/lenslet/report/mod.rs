@@ -1,6 +1,7 @@
 //! One self-contained HTML page: headings, tables, plots, pictures, comparisons. Nothing is loaded from outside, every
 //! text is escaped, light and dark follow the reader's system, and without scripts or on paper everything is still there.
 
+pub mod calibration_figures;
 mod compare;
 pub mod embedded;
 pub mod plot;

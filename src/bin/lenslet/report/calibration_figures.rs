@@ -1,40 +1,48 @@
-//! Pictures of a calibration: the paper's figures 4 to 6, and a map of the residuals.
+//! Pictures of a calibration: its centres over the white image, a map of its residuals, and the paper's figures 4 to 6.
 
-use super::model::{Calibration, Lenslet};
-use super::paper::{Algorithm1Stages, triangulation};
-use super::sensor_image::SensorImage;
-use crate::container::Cfa;
+use lenslet::image_io::Picture;
+use lenslet_core::calibration::paper::{Algorithm1Stages, triangulation};
+use lenslet_core::calibration::{Calibration, Lenslet, SensorImage};
+use lenslet_core::container::Cfa;
 
-/// A picture, 8 bit RGB.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Picture {
-    /// Pixels a row.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-    /// `3·width·height` values.
-    pub rgb: Vec<u8>,
-}
-
+/// Colour of a centre.
+/// Source: chosen
 const CENTRE: [u8; 3] = [255, 40, 30];
+/// Colour of an edge of the triangulation.
+/// Source: chosen
 const EDGE: [u8; 3] = [40, 220, 70];
-/// Side of the part shown enlarged, pixels.
+/// Side of the part of the sensor shown enlarged, pixels.
+/// Source: chosen
 const PART: usize = 160;
-/// By how much.
+/// Picture pixels a sensor pixel in the enlarged part.
+/// Source: chosen
 const ZOOM: usize = 6;
 
-impl Picture {
-    /// From a function of the pixel.
-    fn paint(width: usize, height: usize, of: impl Fn(usize, usize) -> [u8; 3]) -> Self {
+/// An 8-bit RGB picture to draw on.
+struct Canvas {
+    width: usize,
+    height: usize,
+    /// `3·width·height` values, row-major.
+    rgb: Vec<u8>,
+}
+
+impl Canvas {
+    /// Colours every pixel by a function of (x, y).
+    fn paint(width: usize, height: usize, of: impl Fn(usize, usize) -> [u8; 3]) -> Canvas {
         let mut rgb = Vec::with_capacity(3 * width * height);
         for y in 0..height {
             for x in 0..width {
                 rgb.extend(of(x, y));
             }
         }
-        Picture { width, height, rgb }
+        Canvas { width, height, rgb }
     }
 
+    fn into_picture(self) -> Picture {
+        Picture { width: self.width, height: self.height, rgb: self.rgb }
+    }
+
+    /// Mixes `colour` into a pixel, 0 to 1 of it; pixels outside are ignored.
     fn blend(&mut self, x: i64, y: i64, colour: [u8; 3], share: f64) {
         if x < 0 || y < 0 || x >= self.width as i64 || y >= self.height as i64 {
             return;
@@ -70,7 +78,7 @@ impl Picture {
         let place = |c: &[f64; 2]| [0, 1].map(|k| (c[k] - from[k] as f64 + 0.5) * zoom as f64 - 0.5);
         for &[p, q] in edges {
             let (p, q) = (&centres[p], &centres[q]);
-            // The long slivers along the hull are no neighbours.
+            // Long edges along the hull do not connect neighbours.
             let size = (self.width.max(self.height)) as f64 / zoom as f64;
             if (p[0] - q[0]).hypot(p[1] - q[1]) < size.min(60.0) {
                 self.line(place(p), place(q), EDGE, if zoom > 1 { 0.8 } else { 0.5 });
@@ -87,14 +95,14 @@ fn grey(v: f32) -> [u8; 3] {
 }
 
 /// The corner of the part shown enlarged, and its size: the middle of the sensor.
-fn part(width: usize, height: usize) -> ([usize; 2], [usize; 2]) {
+fn enlarged_part(width: usize, height: usize) -> ([usize; 2], [usize; 2]) {
     let size = [PART.min(width), PART.min(height)];
     ([(width - size[0]) / 2, (height - size[1]) / 2], size)
 }
 
-fn enlarged(width: usize, height: usize, of: impl Fn(usize, usize) -> [u8; 3]) -> Picture {
-    let (from, size) = part(width, height);
-    Picture::paint(size[0] * ZOOM, size[1] * ZOOM, |x, y| of(from[0] + x / ZOOM, from[1] + y / ZOOM))
+fn enlarged(width: usize, height: usize, of: impl Fn(usize, usize) -> [u8; 3]) -> Canvas {
+    let (from, size) = enlarged_part(width, height);
+    Canvas::paint(size[0] * ZOOM, size[1] * ZOOM, |x, y| of(from[0] + x / ZOOM, from[1] + y / ZOOM))
 }
 
 fn background(calibration: &Calibration) -> impl Fn(usize, usize) -> [u8; 3] + '_ {
@@ -105,20 +113,20 @@ fn background(calibration: &Calibration) -> impl Fn(usize, usize) -> [u8; 3] + '
 }
 
 /// Centres and triangulation over the white image (figure 6c, d): the whole sensor, and the middle enlarged.
-pub fn centres(calibration: &Calibration) -> [Picture; 2] {
+pub fn draw_centres(calibration: &Calibration) -> [Picture; 2] {
     let (w, h) = (calibration.width, calibration.height);
     let points: Vec<[f64; 2]> = calibration.lenslets.iter().map(|l| [l.x, l.y]).collect();
     let edges = triangulation::delaunay_edges(&points);
-    let mut whole = Picture::paint(w, h, background(calibration));
+    let mut whole = Canvas::paint(w, h, background(calibration));
     whole.overlay(&points, &edges, [0, 0], 1, 0.7);
     let mut close = enlarged(w, h, background(calibration));
-    close.overlay(&points, &edges, part(w, h).0, ZOOM, 2.5);
-    [whole, close]
+    close.overlay(&points, &edges, enlarged_part(w, h).0, ZOOM, 2.5);
+    [whole, close].map(Canvas::into_picture)
 }
 
 /// Distance from the regular lattice that one lenslet in a hundred exceeds, pixels (at least 0.001): what to show as
 /// full brightness.
-pub fn far(calibration: &Calibration) -> f64 {
+pub fn residual_scale(calibration: &Calibration) -> f64 {
     let off = |l: &Lenslet| {
         let c = calibration.lattice.centre(l.i, l.j);
         (l.x - c[0]).hypot(l.y - c[1])
@@ -130,11 +138,11 @@ pub fn far(calibration: &Calibration) -> f64 {
 
 /// How far each lenslet lies from the regular lattice: hue is the direction, brightness the distance (full at `full`
 /// pixels).
-pub fn residuals(calibration: &Calibration, full: f64) -> Picture {
+pub fn draw_residuals(calibration: &Calibration, full: f64) -> Picture {
     let (w, h) = (calibration.width, calibration.height);
     let scale = calibration.lattice.pitch().max(1.0) / 2.0;
     let (pw, ph) = ((w as f64 / scale).ceil() as usize, (h as f64 / scale).ceil() as usize);
-    let mut picture = Picture::paint(pw, ph, |_, _| [0; 3]);
+    let mut picture = Canvas::paint(pw, ph, |_, _| [0; 3]);
     for l in &calibration.lenslets {
         let c = calibration.lattice.centre(l.i, l.j);
         let (dx, dy) = (l.x - c[0], l.y - c[1]);
@@ -146,7 +154,7 @@ pub fn residuals(calibration: &Calibration, full: f64) -> Picture {
             }
         }
     }
-    picture
+    picture.into_picture()
 }
 
 fn hue(angle: f64) -> [f64; 3] {
@@ -154,14 +162,14 @@ fn hue(angle: f64) -> [f64; 3] {
 }
 
 /// The paper's figures 4, 5 and 6 as its own steps give them, by file name.
-pub fn steps(stages: &Algorithm1Stages, cfa: Cfa) -> Vec<(&'static str, Picture)> {
+pub fn draw_algorithm1(stages: &Algorithm1Stages, cfa: Cfa) -> Vec<(&'static str, Picture)> {
     let (w, h) = (stages.average.width, stages.average.height);
     let show = |image: &SensorImage| {
-        let top = bright(image);
+        let top = near_brightest(image);
         enlarged(w, h, |x, y| grey(image.at(x, y) / top))
     };
     let average = &stages.average;
-    let top = bright(average);
+    let top = near_brightest(average);
     let coloured = enlarged(w, h, |x, y| {
         // Each quad of the filter array as one colour.
         let (x0, y0) = ((x & !1).min(w - 2), (y & !1).min(h - 2));
@@ -175,16 +183,16 @@ pub fn steps(stages: &Algorithm1Stages, cfa: Cfa) -> Vec<(&'static str, Picture)
     let side = stages.spectrum.side;
     let logs: Vec<f32> = stages.spectrum.power.iter().map(|&v| v.max(1e-12).ln()).collect();
     let (low, high) = logs.iter().fold((f32::MAX, f32::MIN), |(a, b), &v| (a.min(v), b.max(v)));
-    let spectrum = Picture::paint(side, side, |x, y| {
+    let spectrum = Canvas::paint(side, side, |x, y| {
         // Zero frequency in the middle.
         let at = ((y + side - side / 2) % side) * side + (x + side - side / 2) % side;
         grey((logs[at] - low) / (high - low).max(1e-6))
     });
     let mut found = show(&stages.equalised);
-    found.overlay(&stages.centres, &[], part(w, h).0, ZOOM, 2.5);
+    found.overlay(&stages.centres, &[], enlarged_part(w, h).0, ZOOM, 2.5);
     let mut triangles = show(&stages.equalised);
-    triangles.overlay(&stages.centres, &stages.edges, part(w, h).0, ZOOM, 2.5);
-    vec![
+    triangles.overlay(&stages.centres, &stages.edges, enlarged_part(w, h).0, ZOOM, 2.5);
+    let pictures = [
         ("4a-average.png", show(average)),
         ("4b-colours.png", coloured),
         ("4c-grey.png", show(&stages.equalised)),
@@ -195,12 +203,13 @@ pub fn steps(stages: &Algorithm1Stages, cfa: Cfa) -> Vec<(&'static str, Picture)
         ("6a-eroded.png", show(&stages.eroded)),
         ("6c-centres.png", found),
         ("6d-triangulation.png", triangles),
-    ]
+    ];
+    pictures.into_iter().map(|(name, canvas)| (name, canvas.into_picture())).collect()
 }
 
 /// Near the brightest value of the middle of a plane.
-fn bright(image: &SensorImage) -> f32 {
-    let (from, size) = part(image.width, image.height);
+fn near_brightest(image: &SensorImage) -> f32 {
+    let (from, size) = enlarged_part(image.width, image.height);
     let mut all: Vec<f32> =
         (from[1]..from[1] + size[1]).flat_map(|y| image.row(y)[from[0]..from[0] + size[0]].iter().copied()).collect();
     all.sort_by(f32::total_cmp);
@@ -210,44 +219,47 @@ fn bright(image: &SensorImage) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibration::{CalibrationOptions, calibrate, paper, tests::planted::PlantedCamera};
-    use crate::progress::Silent;
+    use lenslet_core::calibration::{CalibrationOptions, calibrate, paper};
+    use lenslet_core::progress::Silent;
+
+    #[path = "../../../../../../core/tests/common/drawn.rs"]
+    mod drawn;
 
     #[test]
-    fn centres_are_drawn_where_they_are() {
-        let (white, _) = PlantedCamera { width: 240, height: 200, ..PlantedCamera::default() }.white_image();
+    fn centres_are_drawn_at_their_positions() {
+        let white = drawn::drawn_white();
         let found = calibrate(std::slice::from_ref(&white), &CalibrationOptions::default(), &Silent).unwrap();
-        let [whole, close] = centres(&found);
-        assert_eq!((whole.width, whole.height, close.width, close.height), (240, 200, PART * ZOOM, PART * ZOOM));
-        let (from, _) = part(240, 200);
+        let [whole, close] = draw_centres(&found);
+        assert_eq!((whole.width, whole.height, close.width, close.height), (160, 128, PART * ZOOM, 128 * ZOOM));
+        let (from, _) = enlarged_part(160, 128);
         let mut seen = 0;
         for l in &found.lenslets {
             let (x, y) = (l.x.round() as usize, l.y.round() as usize);
-            let p = 3 * (y * 240 + x);
+            let p = 3 * (y * 160 + x);
             assert!(whole.rgb[p] > whole.rgb[p + 1], "a red dot at {x},{y}");
             let (cx, cy) = (((l.x - from[0] as f64 + 0.5) * 6.0).round(), ((l.y - from[1] as f64 + 0.5) * 6.0).round());
-            if cx > 3.0 && cy > 3.0 && cx < (PART * ZOOM - 4) as f64 && cy < (PART * ZOOM - 4) as f64 {
+            if cx > 3.0 && cy > 3.0 && cx < (PART * ZOOM - 4) as f64 && cy < (128 * ZOOM - 4) as f64 {
                 let p = 3 * (cy as usize * close.width + cx as usize);
                 assert_eq!(close.rgb[p..p + 3], CENTRE);
                 seen += 1;
             }
         }
-        assert!(seen > 200);
-        let figures = steps(&paper::run_algorithm1(&[white], &Silent).unwrap(), Cfa::Bggr);
+        assert!(seen > 150);
+        let figures = draw_algorithm1(&paper::run_algorithm1(&[white], &Silent).unwrap(), Cfa::Bggr);
         assert_eq!(figures.len(), 10);
         assert!(figures.iter().all(|(_, p)| p.rgb.len() == 3 * p.width * p.height && p.rgb.iter().any(|&v| v > 200)));
-        // In a picture of residuals only lenslets off the lattice shine.
+        // In a picture of residuals only lenslets off the lattice are bright.
         let mut moved = found.clone();
         for l in &mut moved.lenslets {
             [l.x, l.y] = found.lattice.centre(l.i, l.j);
         }
-        assert!(residuals(&moved, 0.5).rgb.iter().all(|&v| v == 0));
-        assert_eq!(far(&moved), 0.001);
+        assert!(draw_residuals(&moved, 0.5).rgb.iter().all(|&v| v == 0));
+        assert_eq!(residual_scale(&moved), 0.001);
         for l in moved.lenslets.iter_mut().step_by(20) {
             l.y += 0.3;
         }
-        assert!((far(&moved) - 0.3).abs() < 1e-9);
+        assert!((residual_scale(&moved) - 0.3).abs() < 1e-9);
         moved.lenslets[50].x += 0.5;
-        assert!(residuals(&moved, 0.5).rgb.iter().any(|&v| v > 200));
+        assert!(draw_residuals(&moved, 0.5).rgb.iter().any(|&v| v > 200));
     }
 }
