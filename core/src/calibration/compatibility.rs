@@ -5,8 +5,8 @@ use super::model::Calibration;
 use crate::container::{Capture, same_model};
 
 /// Refuses a calibration of another sensor size, serial number or model than the capture's. Serial number and model are
-/// compared only where both sides state them; models of one camera profile (`models` and `aliases` in its TOML file) count as the
-/// same.
+/// compared only where both sides state them; models of one camera profile (`models` and `aliases` in its TOML file)
+/// count as the same.
 ///
 /// ```
 /// # mod drawn { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/drawn.rs")); }

@@ -195,7 +195,9 @@ mod tests {
     use crate::progress::Silent;
 
     fn small() -> Calibration {
-        let (white, _) = PlantedCamera { width: 128, height: 96, jitter: 0.1, grid: Grid::HexRows, ..PlantedCamera::default() }.white_image();
+        let (white, _) =
+            PlantedCamera { width: 128, height: 96, jitter: 0.1, grid: Grid::HexRows, ..PlantedCamera::default() }
+                .white_image();
         calibrate(&[white], &CalibrationOptions::default(), &Silent).unwrap()
     }
 

@@ -121,7 +121,8 @@ fn any_pitch_rotation_and_packing_without_a_hint() {
             (30.0, 0.1),
         ] {
             seed += 1;
-            let plant = PlantedCamera { grid, pitch, rotation, seed, width: 560, height: 500, ..PlantedCamera::default() };
+            let plant =
+                PlantedCamera { grid, pitch, rotation, seed, width: 560, height: 500, ..PlantedCamera::default() };
             let (found, truth) = centres(&plant);
             let (rms, worst, wrong) = compare(&found, &truth, 20.0);
             let l = found.lattice;
@@ -237,7 +238,8 @@ fn a_turned_image_has_turned_centres() {
 
 #[test]
 fn several_whites_beat_one() {
-    let plant = PlantedCamera { jitter: 0.1, noise: 2.5, exposure: 0.35, width: 400, height: 400, ..PlantedCamera::default() };
+    let plant =
+        PlantedCamera { jitter: 0.1, noise: 2.5, exposure: 0.35, width: 400, height: 400, ..PlantedCamera::default() };
     let (first, truth) = plant.white_image();
     let truth: Vec<[f64; 2]> = truth.into_iter().map(|t| t.1).collect();
     // The same camera, other noise: rows of the noise generator start elsewhere, the lenslets' generator does not.

@@ -222,8 +222,10 @@ mod tests {
     use lenslet_core::calibration::{CalibrationOptions, calibrate, paper};
     use lenslet_core::progress::Silent;
 
-    #[path = "../../../../../../core/tests/common/drawn.rs"]
-    mod drawn;
+    mod drawn {
+        #![allow(dead_code)]
+        include!(concat!(env!("CARGO_MANIFEST_DIR"), "/core/tests/common/drawn.rs"));
+    }
 
     #[test]
     fn centres_are_drawn_at_their_positions() {
