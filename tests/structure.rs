@@ -76,10 +76,11 @@ impl Crate {
         walk(root, &mut |path| {
             let relative = path.strip_prefix(root).unwrap().with_extension("");
             let mut parts: Vec<&str> = relative.iter().map(|p| p.to_str().unwrap()).collect();
-            if matches!(parts.last(), Some(&("mod" | "lib"))) {
+            if matches!(parts.last(), Some(&("mod" | "lib" | "main"))) {
                 parts.pop();
             }
-            if parts != ["main"] && parts.first() != Some(&"bin") {
+            // Programs are crates of their own.
+            if parts.first() != Some(&"bin") {
                 modules.insert(parts.join("::"), Module::parse(&std::fs::read_to_string(path).unwrap()));
             }
         });
@@ -388,7 +389,9 @@ fn no_room_uses_a_higher_one() {
 #[test]
 fn no_files_use_each_other_in_a_circle() {
     let mut wrong = Vec::new();
-    for (name, root, _) in CRATES.into_iter().chain([("lenslet", "src", &[] as &[&str])]) {
+    let library = ("lenslet", "src", &[] as &[&str]);
+    let program = ("program", "src/bin/lenslet", &[] as &[&str]);
+    for (name, root, _) in CRATES.into_iter().chain([library, program]) {
         let mut arrows = Crate::read(name, &workspace().join(root)).arrows();
         // Each circle is cut at its last arrow to find the next one.
         while let Some(found) = circle(&arrows) {
@@ -414,6 +417,71 @@ fn no_crate_uses_a_higher_one_or_what_only_the_program_needs() {
             assert!(!declared(package), "{name} depends on {package}");
         }
     }
+}
+
+/// Names below `[…dependencies]` headings whose heading starts with `kind`.
+fn declared_dependencies(manifest: &str, kind: &str) -> Vec<String> {
+    let mut inside = false;
+    let mut names = Vec::new();
+    for line in manifest.lines().map(str::trim) {
+        if let Some(heading) = line.strip_prefix('[') {
+            let heading = heading.trim_end_matches(']');
+            inside = heading == kind || heading.starts_with("target.") && heading.ends_with(&format!(".{kind}"));
+        } else if inside && line.starts_with(|c: char| c.is_ascii_alphabetic()) {
+            names.push(line.split(['.', ' ', '=']).next().unwrap().to_owned());
+        }
+    }
+    names
+}
+
+/// The dependencies that no line of the code names.
+fn unused(names: &[String], code: &str) -> Vec<String> {
+    let named = |name: &str| {
+        let ident = name.replace('-', "_");
+        code.match_indices(&ident).any(|(k, _)| {
+            let whole = !code[..k].ends_with(|c: char| c.is_alphanumeric() || c == '_');
+            let after = code[k + ident.len()..].trim_start();
+            whole && (after.starts_with("::") || after.starts_with(';') || after.starts_with(" as ") || after.starts_with('{'))
+        })
+    };
+    names.iter().filter(|name| !named(name)).cloned().collect()
+}
+
+#[test]
+fn every_dependency_is_used() {
+    for (folder, more) in [
+        ("core", &["tests"][..]),
+        ("views", &[]),
+        ("data-gen", &[]),
+        ("train", &[]),
+        (".", &["tests", "examples", "benches"]),
+    ] {
+        let root = workspace().join(folder);
+        let manifest = std::fs::read_to_string(root.join("Cargo.toml")).unwrap();
+        let text_of = |folders: &[&str]| {
+            let mut text = String::new();
+            for folder in folders.iter().map(|f| root.join(f)).filter(|f| f.is_dir()) {
+                walk(&folder, &mut |path| text.push_str(&std::fs::read_to_string(path).unwrap()));
+            }
+            text
+        };
+        let library = text_of(&["src"]);
+        let wrong = unused(&declared_dependencies(&manifest, "dependencies"), &without_tests(&library));
+        // A dependency that only tests or doctests need is a dev-dependency.
+        assert!(wrong.is_empty(), "{folder}/Cargo.toml: nothing uses {}", wrong.join(", "));
+        let all = library + &text_of(more);
+        let wrong = unused(&declared_dependencies(&manifest, "dev-dependencies"), &all);
+        assert!(wrong.is_empty(), "{folder}/Cargo.toml: no test uses {}", wrong.join(", "));
+    }
+}
+
+#[test]
+fn unused_dependencies_are_found() {
+    let manifest = "[dependencies]\na-b.workspace = true\nc = \"1\"\n[target.'cfg(unix)'.dependencies]\nd = { version = \"1\" }\n[dev-dependencies]\ne = \"1\"\n";
+    assert_eq!(declared_dependencies(manifest, "dependencies"), ["a-b", "c", "d"]);
+    assert_eq!(declared_dependencies(manifest, "dev-dependencies"), ["e"]);
+    let names = declared_dependencies(manifest, "dependencies");
+    assert_eq!(unused(&names, "use a_b::X; fn f() { d::g() } // abc::h, c_d::e"), ["c"]);
 }
 
 #[test]

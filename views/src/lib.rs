@@ -2,7 +2,7 @@
 //! refinement by all views, and learned reconstruction with a dictionary on top of either.
 //!
 //! [`RenderSamples::renderer`] is the way in: `samples.renderer(Method::multiview().learned()).prepare()?.view(3, 3)?`.
-//! Nothing here prints, exits or knows a command line; errors are typed ([`Error`]). Parallel loops run on the caller's
+//! Nothing here prints, exits or depends on a command line; errors are typed ([`Error`]). Parallel loops run on the caller's
 //! rayon pool.
 
 pub mod disparity;
@@ -17,4 +17,4 @@ mod target;
 pub use error::Error;
 pub use method::{Learned, Method};
 pub use renderer::{InterpolatedViews, LearnedViews, RenderSamples, Renderer, RendererBuilder, working_size};
-pub use target::{PixelSink, Sink, Target, pitch};
+pub use target::{PixelSink, Sink, Target, mean_pitch};

@@ -25,14 +25,14 @@ impl Target {
 
     /// About one value a lenslet: a pixel a pitch along the rows.
     pub fn native(samples: &HexSamples) -> Target {
-        let pitch = pitch(samples).max(1.0);
+        let pitch = mean_pitch(samples).max(1.0);
         let longer = samples.sensor.0.max(samples.sensor.1) as f64;
         Target::longer(samples.sensor, (longer / pitch).round().max(1.0) as usize)
     }
 }
 
 /// Mean distance of neighbouring lenslets in sensor pixels, from how densely they lie.
-pub fn pitch(samples: &HexSamples) -> f64 {
+pub fn mean_pitch(samples: &HexSamples) -> f64 {
     let area = samples.sensor.0 as f64 * samples.sensor.1 as f64;
     (area / samples.centres.len().max(1) as f64 / (3f64.sqrt() / 2.0)).sqrt()
 }

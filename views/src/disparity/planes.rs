@@ -4,7 +4,7 @@ use ndarray::ArrayView3;
 
 use super::error::Error;
 
-/// Luminance weights used everywhere in lenslet.
+/// Weights of R, G and B in luminance (ITU-R BT.601).
 pub const LUMINANCE: [f32; 3] = [0.299, 0.587, 0.114];
 
 /// One image, rows one after the other.

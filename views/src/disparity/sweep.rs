@@ -15,12 +15,12 @@ pub struct Volume {
     pub planes: Vec<Vec<f32>>,
 }
 
-/// How the differences are judged.
+/// The robust measure of brightness differences.
 #[derive(Debug, Clone, Copy)]
 pub struct Robust {
     /// Differences beyond this count no more.
     pub truncation: f32,
-    /// How much better (relative) one half of the views must fit than all to be believed instead.
+    /// How much less (relative) one half of the views must cost than all to be taken instead.
     pub half_penalty: f32,
 }
 

@@ -9,7 +9,7 @@ pub struct Slopes {
     pub disparity: Vec<f32>,
     /// 0 (no direction stands out) to 1 (all gradients agree).
     pub coherence: Vec<f32>,
-    /// Mean squared gradient along the view axes of the image: how much texture there is to judge by.
+    /// Mean squared gradient along the view axes of the image: how much texture there is.
     pub energy: Vec<f32>,
 }
 

@@ -1,23 +1,33 @@
-//! How far the other views may be believed, region by region: they foretell the samples of the view itself, and are judged by
-//! how well they do.
+//! Weight of the other views, region by region, by leave-one-view-out validation: an image fitted to the other views' samples
+//! predicts the samples of the view itself; the better it predicts them, the larger the weight.
 //!
 //! Where the samples of the other views lie where they belong, the image fitted to them meets the view's own samples much better
-//! than single-view interpolation met theirs: what was surprising is explained. Where they do not (a wrong disparity, something
+//! than single-view interpolation met theirs. Where they do not (a wrong disparity, something
 //! in front), the fit misses the own samples by as much.
 
 /// Side of the cells in which squares are gathered, pixels of the target.
+///
+/// Source: chosen.
 const CELL: usize = 4;
 
-/// Cells around a cell that judge with it.
+/// Cells on each side of a cell whose squares are added to its own.
+///
+/// Source: chosen.
 const AROUND: usize = 1;
 
-/// Weight of the squares below which they say nothing.
+/// Least weight of the squares of a cell; below it the cell has no value.
+///
+/// Source: chosen.
 const LEAST: f32 = 0.1;
 
-/// Share of the surprise that may stay unexplained: full trust up to the first, none beyond the second.
+/// Share of the prior residual left by the fit: full weight up to the first value, none beyond the second.
+///
+/// Source: chosen on planted surfaces.
 const UNEXPLAINED: [f32; 2] = [0.25, 0.6];
 
-/// Variance of noise (three colours together) below which nothing is worth a doubt, and that noise never exceeds.
+/// Least and largest variance of noise (three colours together, values 0..1).
+///
+/// Source: chosen.
 const NOISE: [f32; 2] = [2e-5, 6e-3];
 
 /// Weighted squares and weights by cells.
@@ -62,14 +72,14 @@ impl Cells {
     }
 }
 
-/// Trust by cells, 0 to 1.
-pub(super) struct Trust {
+/// Weight of the other views by cells, 0 to 1.
+pub(super) struct OtherViewsWeight {
     columns: usize,
     rows: usize,
     values: Vec<f32>,
 }
 
-impl Trust {
+impl OtherViewsWeight {
     /// At a pixel, bilinear between the cells.
     #[inline]
     pub(super) fn at(&self, x: usize, y: usize) -> f32 {
@@ -85,16 +95,18 @@ impl Trust {
     }
 }
 
-/// Trust from the squares by which the prior missed the other views' samples (`surprise`) and the fit the own ones (`misfit`),
-/// and the light of the own samples, with which noise grows. `most`: no more of the squares than this is noise.
-pub(super) fn trust(surprise: &Cells, misfit: &Cells, light: &Cells, most: f32) -> Trust {
-    let (before, after, light) = (surprise.means(), misfit.means(), light.means());
+/// Weight from the squared residuals of the prior at the other views' samples (`prior`) and of the fit at the own ones
+/// (`fitted`), and the light of the own samples, with which noise grows; `most` bounds the variance of the noise.
+pub(super) fn cross_validate(prior: &Cells, fitted: &Cells, light: &Cells, most: f32) -> OtherViewsWeight {
+    let (before, after, light) = (prior.means(), fitted.means(), light.means());
     let noise = Noise::estimate(&light, &after, most.clamp(NOISE[0], NOISE[1]));
-    let values = before.iter().zip(&after).zip(&light).map(|((&b, &a), &l)| believed(b, a, noise.at(l))).collect();
-    Trust { columns: surprise.columns, rows: surprise.rows, values }
+    let values = before.iter().zip(&after).zip(&light).map(|((&b, &a), &l)| weight_of(b, a, noise.at(l))).collect();
+    OtherViewsWeight { columns: prior.columns, rows: prior.rows, values }
 }
 
-/// Groups of cells of like light in which noise is looked for.
+/// Groups of cells of like light in which the noise is estimated.
+///
+/// Source: chosen.
 const GROUPS: usize = 12;
 
 /// Variance of noise as a function of light.
@@ -129,8 +141,8 @@ impl Noise {
     }
 }
 
-/// Full where the fit misses by noise alone, or explains most of the surprise beyond noise. Nothing known: nothing believed.
-fn believed(before: f32, after: f32, noise: f32) -> f32 {
+/// 1 where the residual of the fit is noise alone, or a small part of the prior's beyond noise; 0 where either is unknown.
+fn weight_of(before: f32, after: f32, noise: f32) -> f32 {
     if !(before.is_finite() && after.is_finite()) {
         return 0.0;
     }
@@ -146,14 +158,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn explained_surprise_is_believed_and_contradiction_is_not() {
+    fn predicted_texture_has_weight_and_contradicted_texture_has_none() {
         let noise = 1e-4;
-        assert_eq!(believed(1e-4, 1e-4, noise), 1.0, "noise alone");
-        assert_eq!(believed(5e-2, 5e-3, noise), 1.0, "texture explained");
-        assert_eq!(believed(5e-2, 5e-2, noise), 0.0, "texture contradicted");
-        let half = believed(5e-2, 2.1e-2, noise);
+        assert_eq!(weight_of(1e-4, 1e-4, noise), 1.0, "noise alone");
+        assert_eq!(weight_of(5e-2, 5e-3, noise), 1.0, "texture explained");
+        assert_eq!(weight_of(5e-2, 5e-2, noise), 0.0, "texture contradicted");
+        let half = weight_of(5e-2, 2.1e-2, noise);
         assert!(half > 0.1 && half < 0.9, "{half}");
-        assert_eq!(believed(f32::NAN, 0.0, noise), 0.0);
+        assert_eq!(weight_of(f32::NAN, 0.0, noise), 0.0);
     }
 
     #[test]
@@ -171,13 +183,13 @@ mod tests {
     }
 
     #[test]
-    fn trust_is_local_and_smooth() {
+    fn the_weight_is_local_and_smooth() {
         let (w, h) = (80, 40);
-        let (mut surprise, mut misfit) = (Cells::new(w, h), Cells::new(w, h));
+        let (mut prior, mut fitted) = (Cells::new(w, h), Cells::new(w, h));
         for y in 0..h {
             for x in 0..w {
-                surprise.add(x, y, [0.04, 1.0]);
-                misfit.add(x, y, [if x < 40 { 1e-4 } else { 0.05 }, 1.0]);
+                prior.add(x, y, [0.04, 1.0]);
+                fitted.add(x, y, [if x < 40 { 1e-4 } else { 0.05 }, 1.0]);
             }
         }
         let mut light = Cells::new(w, h);
@@ -186,11 +198,11 @@ mod tests {
                 light.add(x, y, [0.5, 1.0]);
             }
         }
-        let trust = trust(&surprise, &misfit, &light, NOISE[1]);
-        assert_eq!(trust.at(10, 20), 1.0);
-        assert_eq!(trust.at(70, 20), 0.0);
+        let weight = cross_validate(&prior, &fitted, &light, NOISE[1]);
+        assert_eq!(weight.at(10, 20), 1.0);
+        assert_eq!(weight.at(70, 20), 0.0);
         for x in 1..w {
-            assert!((trust.at(x, 20) - trust.at(x - 1, 20)).abs() < 0.3, "column {x}");
+            assert!((weight.at(x, 20) - weight.at(x - 1, 20)).abs() < 0.3, "column {x}");
         }
     }
 }

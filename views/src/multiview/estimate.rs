@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::options::Options;
 use super::refine_disparity::refine_disparity;
 use super::sample_set::SampleSet;
-use super::view_disparities::{ViewDisparities, step};
+use super::view_disparities::{ViewDisparities, view_offset};
 use crate::Error;
 use crate::disparity::{self, DepthOrder, Disparity, Plane, carry_plane_to_view};
 use crate::error::ensure_shape;
@@ -58,7 +58,7 @@ pub fn estimate_disparities(
     let order = estimate_depth_order(&central, &grid, scale, (rows, columns));
     let maps = (0..rows * columns)
         .into_par_iter()
-        .map(|k| carry_plane_to_view(&central, scale, step((rows, columns), k), order))
+        .map(|k| carry_plane_to_view(&central, scale, view_offset((rows, columns), k), order))
         .collect();
     let mut disparities = ViewDisparities { rows, columns, maps, samples: Vec::new(), scale, order, middle };
     if options.known.is_none() {
@@ -66,7 +66,7 @@ pub fn estimate_disparities(
         let central = refine_disparity(set, &light, &disparities);
         disparities.maps = (0..rows * columns)
             .into_par_iter()
-            .map(|k| carry_plane_to_view(&central, scale, step((rows, columns), k), order))
+            .map(|k| carry_plane_to_view(&central, scale, view_offset((rows, columns), k), order))
             .collect();
         if let Ok(found) = Array2::from_shape_vec((height, width), central.data) {
             disparities.middle.disparity = found;
@@ -88,7 +88,7 @@ fn estimate_depth_order(central: &Plane, grid: &[Vec<Plane>], scale: [f32; 2], v
     let mut error = [0f64; 2];
     for (v, u) in [(0, 0), (0, columns - 1), (rows - 1, 0), (rows - 1, columns - 1)] {
         let k = v * columns + u;
-        let offset = step(views, k);
+        let offset = view_offset(views, k);
         for (order, e) in [DepthOrder::NearerIsSmaller, DepthOrder::NearerIsLarger].into_iter().zip(&mut error) {
             let map = carry_plane_to_view(central, scale, offset, order);
             for t in 0..map.height {

@@ -8,9 +8,9 @@ use rand::{RngExt, SeedableRng};
 
 use crate::Error;
 use crate::error::ensure_shape;
-use crate::target::{Target, pitch};
+use crate::target::{Target, mean_pitch};
 
-/// How well hidden lenslets were foretold.
+/// How well hidden lenslets were predicted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HiddenScore {
     /// Over all channels, dB, values as they are (linear light for decoded captures).
@@ -63,7 +63,7 @@ pub fn hidden_score<E: From<Error>>(
         image.dim()
     );
     let (fx, fy) = (target.width as f64 / samples.sensor.0 as f64, target.height as f64 / samples.sensor.1 as f64);
-    let margin = 2.0 * pitch(samples);
+    let margin = 2.0 * mean_pitch(samples);
     let (mut sum, mut count) = (0f64, 0usize);
     let mut found = vec![0f32; channels];
     for (k, c) in samples.centres.iter().enumerate().filter(|(k, _)| hidden[*k]) {

@@ -30,5 +30,7 @@ impl Default for Options {
     }
 }
 
-/// Longer side of the views in which disparity is searched.
+/// Longer side of the views in which disparity is searched, pixels.
+///
+/// Source: chosen for speed.
 const SIDE: usize = 640;

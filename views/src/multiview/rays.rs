@@ -1,7 +1,7 @@
 //! Where the samples of all views lie in one view, by the disparity of their surfaces, and how much each counts there.
 
 use super::sample_set::SampleSet;
-use super::view_disparities::{ViewDisparities, step};
+use super::view_disparities::{ViewDisparities, view_offset};
 
 /// A sample on its way: cell (upper left of four pixels), where within it, and how much it counts.
 #[derive(Clone, Copy)]
@@ -51,10 +51,14 @@ impl Ray {
     }
 }
 
-/// Weight of a sample of the target view itself: it is there by definition.
+/// Weight of a sample of the target view itself, whose place is certain.
+///
+/// Source: chosen.
 pub(super) const OWN: f32 = 2.0;
 
 /// Misplacement (pixels of the target) at which a sample counts a quarter.
+///
+/// Source: chosen.
 const TOLERANCE: f32 = 0.6;
 
 /// The samples of the view itself.
@@ -80,12 +84,12 @@ pub(super) fn other_samples(
 ) -> Vec<Ray> {
     let views = (disparities.rows, disparities.columns);
     let target_view = at.0 * views.1 + at.1;
-    let target = step(views, target_view);
+    let target = view_offset(views, target_view);
     let n = set.points.len();
     let mut rays = Vec::with_capacity(n * (views.0 * views.1).saturating_sub(1));
     let (right, bottom) = ((size.0 - 1) as f32, (size.1 - 1) as f32);
     for k in (0..views.0 * views.1).filter(|&k| k != target_view) {
-        let from = step(views, k);
+        let from = view_offset(views, k);
         let (du, dv) = (from[0] - target[0], from[1] - target[1]);
         let distance = du.abs().max(dv.abs()) / TOLERANCE;
         // Noise grows as light falls.

@@ -5,22 +5,32 @@
 use rayon::prelude::*;
 
 use super::sample_set::SampleSet;
-use super::view_disparities::{ViewDisparities, step};
+use super::view_disparities::{ViewDisparities, view_offset};
 use crate::disparity::Plane;
 
-/// Times the image is fitted anew and the disparity corrected.
+/// Rounds of fitting the image and correcting the disparity.
+///
+/// Source: chosen.
 const ROUNDS: usize = 4;
 
 /// Largest correction of one round, pixels of the map at the outermost view.
+///
+/// Source: chosen.
 const STEP: f32 = 0.7;
 
 /// Pixels of the map around a pixel that share its correction.
+///
+/// Source: chosen.
 const RADIUS: usize = 4;
 
 /// Neighbours whose disparities differ by more (pixels of the target per view step) belong to another surface.
+///
+/// Source: chosen.
 const SAME: f32 = 0.2;
 
-/// Brightness noise that is expected at least (of the square root of linear light).
+/// Least noise of brightness (square root of linear light) that is assumed.
+///
+/// Source: chosen: noise of a good camera.
 const NOISE: f32 = 0.008;
 
 /// What the samples around a pixel say about its disparity.
@@ -54,7 +64,7 @@ pub(super) fn refine_disparity(set: &SampleSet, light: &[f32], disparities: &Vie
     if w < 8 || h < 8 || views.0 * views.1 < 2 {
         return map;
     }
-    let reach = (0..views.0 * views.1).map(|k| step(views, k)).fold(1f32, |m, s| m.max(s[0].abs()).max(s[1].abs()));
+    let reach = (0..views.0 * views.1).map(|k| view_offset(views, k)).fold(1f32, |m, s| m.max(s[0].abs()).max(s[1].abs()));
     let mut rays = origins(set, disparities);
     let mut best = map.clone();
     let mut least = vec![f32::INFINITY; w * h];
@@ -102,7 +112,7 @@ fn origins(set: &SampleSet, disparities: &ViewDisparities) -> Vec<Ray> {
     (0..views.0 * views.1)
         .into_par_iter()
         .flat_map_iter(|k| {
-            let u = step(views, k);
+            let u = view_offset(views, k);
             set.points.iter().enumerate().filter_map(move |(i, p)| {
                 let d = disparities.at(k, p[0], p[1]);
                 let (x, y) = (p[0] - d * u[0], p[1] - d * u[1]);
@@ -124,7 +134,7 @@ fn place(set: &SampleSet, map: &Plane, scale: [f32; 2], views: (usize, usize), r
     let n = set.points.len();
     rays.par_iter_mut().for_each(|ray| {
         let p = set.points[ray.sample as usize % n];
-        let u = step(views, ray.view as usize);
+        let u = view_offset(views, ray.view as usize);
         let (s, t) = ((ray.x + 0.5).max(0.0) as usize, (ray.y + 0.5).max(0.0) as usize);
         let d = map.data[t.min(map.height - 1) * map.width + s.min(map.width - 1)];
         ray.x = (p[0] - d * u[0] + 0.5) / scale[0] - 0.5;
@@ -164,7 +174,9 @@ fn scattered<T: Copy + Default + Send>(
     total
 }
 
-/// Parts of the rays that are summed by themselves: the same on every machine.
+/// Parts of the rays that are summed separately.
+///
+/// Source: chosen; the same on every machine, so that sums do not depend on threads.
 const PARTS: usize = 4;
 
 /// The image that the samples make: their means, and what these leave, added once more.
@@ -218,7 +230,7 @@ fn spread(light: &[f32], rays: &[Ray], image: &Plane) -> f32 {
 /// Every sample's vote, at the pixel nearest to it.
 fn vote(light: &[f32], rays: &[Ray], image: &Plane, views: (usize, usize), scale: [f32; 2], spread: f32) -> Vec<Vote> {
     let w = image.width;
-    let steps: Vec<[f32; 2]> = (0..views.0 * views.1).map(|k| step(views, k)).collect();
+    let steps: Vec<[f32; 2]> = (0..views.0 * views.1).map(|k| view_offset(views, k)).collect();
     let each = |ray: &Ray, votes: &mut [Vote]| {
         let Some((r, gx, gy)) = residual(light, ray, image) else { return };
         let u = steps[ray.view as usize];

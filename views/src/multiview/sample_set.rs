@@ -8,7 +8,7 @@ use ndarray::{Array3, ArrayView1, ArrayView3, Axis, CowArray, Ix3};
 use crate::Error;
 use crate::disparity::{LUMINANCE, Plane};
 use crate::error::ensure_shape;
-use crate::target::{Target, pitch};
+use crate::target::{Target, mean_pitch};
 
 /// Samples of every view at common places, and the target they are to fill.
 pub struct SampleSet<'a> {
@@ -62,7 +62,7 @@ impl<'a> SampleSet<'a> {
             .iter()
             .map(|c| [((c[0] + 0.5) * fx - 0.5) as f32, ((c[1] + 0.5) * fy - 0.5) as f32])
             .collect();
-        let pitch = (pitch(samples) * fx) as f32;
+        let pitch = (mean_pitch(samples) * fx) as f32;
         Self::checked(
             samples.views,
             samples.views,
@@ -191,7 +191,7 @@ impl<'a> SampleSet<'a> {
             let mut row = Vec::with_capacity(self.columns);
             for u in 0..self.columns {
                 let light = Array3::from_shape_fn((1, self.points.len(), 1), |(_, k, _)| {
-                    self.judge(self.values.slice(ndarray::s![v * self.columns + u, k, ..]))
+                    self.match_brightness(self.values.slice(ndarray::s![v * self.columns + u, k, ..]))
                 });
                 let plane = match (&table, &self.single_view) {
                     (Some(table), _) => table.apply(light.index_axis(Axis(0), 0))?,
@@ -238,11 +238,11 @@ impl<'a> SampleSet<'a> {
 
     /// Brightness of every sample, views one after the other.
     pub(super) fn light(&self) -> Vec<f32> {
-        self.values.rows().into_iter().map(|v| self.judge(v)).collect()
+        self.values.rows().into_iter().map(|v| self.match_brightness(v)).collect()
     }
 
-    /// Brightness of one sample as differences are judged: luminance, its square root where it is linear.
-    fn judge(&self, value: ArrayView1<f32>) -> f32 {
+    /// Brightness of one sample for matching: luminance, its square root where it is linear.
+    fn match_brightness(&self, value: ArrayView1<f32>) -> f32 {
         let y = if value.len() == 3 {
             LUMINANCE[0] * value[0] + LUMINANCE[1] * value[1] + LUMINANCE[2] * value[2]
         } else {

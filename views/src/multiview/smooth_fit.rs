@@ -1,10 +1,10 @@
 //! The smooth fit (our way past 4.3's triangulation): pixels I minimising Σ w_i (f_i − B(x_i)·I)² + λ|I − prior|², B bilinear,
 //! by a few steps of diagonally preconditioned descent from the prior, which is what one view alone gives. The samples of the
-//! other views are fitted first; those of the view itself then judge the fit (see [`super::cross_validation`]) and enter last.
+//! other views are fitted first; those of the view itself then validate the fit (see [`super::cross_validation`]) and enter last.
 
 use ndarray::Array3;
 
-use super::cross_validation::{Cells, trust};
+use super::cross_validation::{Cells, cross_validate};
 use super::rays::{OWN, other_samples, own_samples};
 use super::sample_set::SampleSet;
 use super::view_disparities::ViewDisparities;
@@ -25,7 +25,7 @@ pub(super) fn render_view(
     let mut image = alone.clone();
     let rays = other_samples(set, disparities, at, (w, h));
     // How far the samples of the other views are from the prior.
-    let mut surprise = Cells::new(w, h);
+    let mut prior_residual = Cells::new(w, h);
     let mut sums: Vec<[f32; 4]> = vec![[0.0; 4]; w * h];
     for (round, lambda) in [0.1f32, 0.5].into_iter().enumerate() {
         sums.fill([0.0; 4]);
@@ -35,7 +35,7 @@ pub(super) fn render_view(
             let m = ray.weight;
             if round == 0 {
                 let k = ray.cell as usize;
-                surprise.add(k % w, k / w, [m * (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]), m]);
+                prior_residual.add(k % w, k / w, [m * (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]), m]);
             }
             ray.spread(&b, &[m * r[0], m * r[1], m * r[2], m], &mut sums, w);
         }
@@ -50,10 +50,11 @@ pub(super) fn render_view(
         }
     }
     drop(rays);
-    // The view's own samples, foretold by the others. Where these left a pixel to the prior, which knows the own samples, they
-    // foretold nothing: a miss is only the share of the others in the image times what they are off by.
+    // Leave-one-view-out residual. An own sample f_i at x_i is predicted by the image I of the others; with s = w/(w + ½), the
+    // share of the others in a pixel of weight w, and c_i = B(x_i)·s, the residual f_i − B(x_i)·I is c_i times the error of
+    // the others (the prior, made of the own samples, contributes none). So the mean square is Σ (f_i − B(x_i)·I)² / Σ c_i².
     let own = own_samples(set, disparities, at, (w, h));
-    let (mut misfit, mut light) = (Cells::new(w, h), Cells::new(w, h));
+    let (mut fit_residual, mut light) = (Cells::new(w, h), Cells::new(w, h));
     for ray in &own {
         let b = ray.shares();
         let r = ray.residual(&b, &set.lanes[ray.sample as usize], &image, w);
@@ -63,18 +64,18 @@ pub(super) fn render_view(
             + b[1] * share(&sums[k + 1])
             + b[2] * share(&sums[k + w])
             + b[3] * share(&sums[k + w + 1]);
-        misfit.add(k % w, k / w, [r[0] * r[0] + r[1] * r[1] + r[2] * r[2], c * c]);
+        fit_residual.add(k % w, k / w, [r[0] * r[0] + r[1] * r[1] + r[2] * r[2], c * c]);
         let f = &set.lanes[ray.sample as usize];
         light.add(k % w, k / w, [f[0] + f[1] + f[2], 1.0]);
     }
-    let trust = trust(&surprise, &misfit, &light, set.noise(at));
+    let weight = cross_validate(&prior_residual, &fit_residual, &light, set.noise(at));
     for (k, ((p, a), s)) in image.iter_mut().zip(&alone).zip(&mut sums).enumerate() {
-        let believed = trust.at(k % w, k / w);
+        let share = weight.at(k % w, k / w);
         for l in 0..3 {
-            p[l] = a[l] + believed * (p[l] - a[l]);
+            p[l] = a[l] + share * (p[l] - a[l]);
         }
         // From here on: what the own samples leave, and the weight already there.
-        *s = [0.0, 0.0, 0.0, s[3] * believed];
+        *s = [0.0, 0.0, 0.0, s[3] * share];
     }
     let mut weights: Vec<[f32; 4]> = vec![[0.0; 4]; w * h];
     for ray in &own {

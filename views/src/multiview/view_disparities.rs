@@ -57,10 +57,12 @@ impl ViewDisparities {
 }
 
 /// Neighbouring disparities further apart than this lie on different surfaces (pixels of the target per view step).
+///
+/// Source: chosen.
 const EDGE: f32 = 0.15;
 
 /// Offset (u, v) of view `k` from the middle one.
-pub(super) fn step(views: (usize, usize), k: usize) -> [f32; 2] {
+pub(super) fn view_offset(views: (usize, usize), k: usize) -> [f32; 2] {
     let (v, u) = (k / views.1, k % views.1);
     [u as f32 - (views.1 / 2) as f32, v as f32 - (views.0 / 2) as f32]
 }

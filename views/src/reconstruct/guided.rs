@@ -6,16 +6,29 @@ use ndarray::{Array2, Array3, Axis};
 use rayon::prelude::*;
 
 /// Variance of luminance below which colour does not follow it.
+///
+/// Source: chosen.
 const EPSILON: f32 = 3e-5;
-/// Half the side of the windows in which what is left is weighed, pixels.
+/// Half the side of the windows in which the residual of the guided filter is compared with noise, pixels.
+///
+/// Source: chosen.
 const AROUND: usize = 2;
 /// Steps of luminance in which noise is looked for.
+///
+/// Source: chosen.
 const STEPS: usize = 8;
-/// Of the windows of one luminance, so many show noise alone; their largest variance times `FACTOR` is taken for its own.
+/// Share of the windows of one luminance that contain noise alone; the largest variance among them times `FACTOR` is the
+/// variance of the noise.
+///
+/// Source: chosen.
 const QUIET: f64 = 0.25;
-/// See [`QUIET`]: variances of small windows scatter.
+/// See `QUIET`.
+///
+/// Source: chosen: variances of small windows scatter.
 const FACTOR: f32 = 2.5;
-/// Every so many-th pixel of either axis is looked at for the noise.
+/// Step between the windows in which noise is estimated, pixels along either axis.
+///
+/// Source: chosen for speed.
 const SPARSE: usize = 3;
 
 /// The view (t, s, 3), sRGB-encoded, with the luminance `after` instead of `before`, its own. Its colour differences are smoothed

@@ -13,12 +13,18 @@ use super::sampling_operator::{SamplingOperator, back_project};
 use crate::Error;
 use crate::error::ensure_shape;
 
-/// Rounds of back-projection: differences fall to about a thousandth of the range.
+/// Rounds of back-projection.
+///
+/// Source: chosen; what is left after four is below 0.001 RMS without noise (`measured_samples_stay_true`).
 const ROUNDS: usize = 4;
-/// Differences up to this part of the noise are left to views interpolated from the samples themselves.
+/// Tolerance for views interpolated from the samples themselves, in parts of σ: differences up to it are left alone.
+///
+/// Source: chosen on simulated captures of four noise levels (docs/learned-reconstruction.md).
 const OWN: f32 = 0.5;
 /// Tolerance for multiview-refined views, in parts of the noise and of the range: many samples made them, so they are off by
 /// less than one sample is, mismatches excepted.
+///
+/// Source: chosen on simulated captures.
 const REFINED: (f32, f32) = (1.5, 0.01);
 
 /// What was measured in every view, and how noisy it is.

@@ -10,15 +10,24 @@
 use lenslet_core::sampling::{self, triangulate};
 
 /// Steps of brightness.
+///
+/// Source: chosen.
 const BINS: usize = 16;
-/// Share of a bin's samples taken for flat.
+/// Share of a bin's samples that are taken to be flat.
+///
+/// Source: chosen.
 const FLAT: f32 = 0.1;
-/// The `FLAT` quantile of the root mean square of seven neighbouring r of unit variance: measured on planted noise.
+/// The `FLAT` quantile of the root mean square of seven neighbouring r of unit variance.
+///
+/// Source: measured on planted noise.
 const QUANTILE: f32 = 0.62;
-/// Noise of luminance as a part of that of red − green, both encoded: measured on simulated flat captures (0.26 to 0.37 by
-/// view and strength).
+/// Noise of luminance as a part of that of red − green, both encoded.
+///
+/// Source: measured on simulated flat captures (0.26 to 0.37 by view and strength).
 const OF_COLOURS: f32 = 0.33;
 /// Fewest samples of a bin.
+///
+/// Source: chosen.
 const FEWEST: usize = 200;
 
 /// Which samples are neighbours.

@@ -8,7 +8,9 @@ use crate::Error;
 use crate::method::Method;
 use crate::target::Target;
 
-/// Longer side of the views unless told otherwise, pixels (paper section 4).
+/// Longer side of the views by default, pixels.
+///
+/// Source: paper, section 4 (1080 pixels).
 const LONGER_SIDE: usize = 1080;
 
 /// Choices before [`RendererBuilder::prepare`].

@@ -38,7 +38,7 @@ enum Step {
 
 impl<'a> LearnedViews<'a> {
     /// Prepares `dictionary` for views of the size `target` that `interpolation` makes of the samples. What does not fit (a
-    /// dictionary trained on other views, for another pitch) is told to `observer`.
+    /// dictionary trained on other views, for another pitch) goes to `observer` as a note.
     ///
     /// # Errors
     /// A dictionary that cannot be used, options out of range, samples that cannot be triangulated.

@@ -12,7 +12,7 @@ use super::learned_views::LearnedViews;
 use crate::Error;
 use crate::method::Method;
 use crate::reconstruct::{Plan, embedded_for};
-use crate::target::{Sink, Target, pitch};
+use crate::target::{Sink, Target, mean_pitch};
 
 /// Samples prepared for one [`Method`] at one size: single views, all views, or a whole light field.
 ///
@@ -131,7 +131,7 @@ impl<'a> Renderer<'a> {
         let size = [self.size.height, self.size.width];
         let mut meta = Meta::new([samples.views; 2], size, samples.values.dim().2, colour);
         meta.weights = Some(samples.weights.clone());
-        meta.pitch = Some(pitch(samples) * self.size.width as f64 / samples.sensor.0 as f64);
+        meta.pitch = Some(mean_pitch(samples) * self.size.width as f64 / samples.sensor.0 as f64);
         meta.method = Some(self.method.into());
         meta
     }

@@ -3,7 +3,7 @@
 use lenslet_core::decode::HexSamples;
 use lenslet_core::sampling::MAX_PIXELS;
 
-use crate::target::{Target, pitch};
+use crate::target::{Target, mean_pitch};
 
 /// Relative difference between the pitch of the views and that of a dictionary up to which the dictionary is used as it is.
 ///
@@ -14,7 +14,7 @@ const PITCH_TOLERANCE: f64 = 0.1;
 /// (`trained`, pixels): `target`, or the size at which the samples lie `trained` pixels apart.
 #[must_use]
 pub fn working_size(samples: &HexSamples, target: &Target, trained: f64) -> Target {
-    let actual = pitch(samples) * target.width as f64 / samples.sensor.0.max(1) as f64;
+    let actual = mean_pitch(samples) * target.width as f64 / samples.sensor.0.max(1) as f64;
     let ratio = trained / actual;
     if !ratio.is_finite() || (ratio - 1.0).abs() <= PITCH_TOLERANCE {
         return *target;
@@ -42,7 +42,7 @@ mod tests {
             weights: vec![1.0],
             values: Array3::zeros((1, lenslets, 1)),
         };
-        let sensor_pitch = pitch(&samples);
+        let sensor_pitch = mean_pitch(&samples);
         let at = |width| Target { width, height: width };
         let fit = (3.293 * 300.0 / sensor_pitch).round() as usize;
         assert_eq!(working_size(&samples, &at(fit), 3.293), at(fit));
