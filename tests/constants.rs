@@ -80,7 +80,8 @@ fn table(root: &Path) -> String {
             let file = path.strip_prefix(root).unwrap().to_str().unwrap().replace('\\', "/");
             let found = constants(&file, &std::fs::read_to_string(&path).unwrap());
             let Some(first) = found.first() else { continue };
-            let _ = write!(text, "\n## {}\n\n| constant | value | what it is | source |\n|---|---|---|---|\n", first.file);
+            let _ =
+                write!(text, "\n## {}\n\n| constant | value | what it is | source |\n|---|---|---|---|\n", first.file);
             for c in &found {
                 let _ = writeln!(text, "| `{}` | `{}` | {} | {} |", c.name, c.value, c.meaning, c.source);
             }

@@ -441,7 +441,11 @@ fn unused(names: &[String], code: &str) -> Vec<String> {
         code.match_indices(&ident).any(|(k, _)| {
             let whole = !code[..k].ends_with(|c: char| c.is_alphanumeric() || c == '_');
             let after = code[k + ident.len()..].trim_start();
-            whole && (after.starts_with("::") || after.starts_with(';') || after.starts_with(" as ") || after.starts_with('{'))
+            whole
+                && (after.starts_with("::")
+                    || after.starts_with(';')
+                    || after.starts_with(" as ")
+                    || after.starts_with('{'))
         })
     };
     names.iter().filter(|name| !named(name)).cloned().collect()

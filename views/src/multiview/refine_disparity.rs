@@ -64,7 +64,8 @@ pub(super) fn refine_disparity(set: &SampleSet, light: &[f32], disparities: &Vie
     if w < 8 || h < 8 || views.0 * views.1 < 2 {
         return map;
     }
-    let reach = (0..views.0 * views.1).map(|k| view_offset(views, k)).fold(1f32, |m, s| m.max(s[0].abs()).max(s[1].abs()));
+    let reach =
+        (0..views.0 * views.1).map(|k| view_offset(views, k)).fold(1f32, |m, s| m.max(s[0].abs()).max(s[1].abs()));
     let mut rays = origins(set, disparities);
     let mut best = map.clone();
     let mut least = vec![f32::INFINITY; w * h];
