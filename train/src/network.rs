@@ -2,7 +2,9 @@
 //! [`lenslet_core::dictionary::network_inputs`] gives and divides them, by Adam (Kingma 2015) on shuffled batches, the step falling as
 //! half a cosine. Rectified layers begin as He (2015) has it.
 
-use lenslet_core::dictionary::{Interpolation, Layer, Network, network_inputs, product};
+use lenslet_core::dictionary::{Layer, Network, network_inputs};
+use lenslet_core::interpolation::Interpolation;
+use lenslet_core::linalg::{Par, product};
 use lenslet_data_gen::pairs::{self, Crop, PatchOptions};
 use ndarray::{Array1, Array2, Axis, concatenate};
 use rand::RngExt;
@@ -263,9 +265,9 @@ fn gradient(state: &[Stepped], x: &Array2<f32>, t: &Array2<f32>, weights: &[f32]
             }
             let mut gradient = Vec::new();
             for (k, s) in state.iter().enumerate().rev() {
-                gradient.push((product(delta.t(), values[k].view()), delta.sum_axis(Axis(0))));
+                gradient.push((product(delta.t(), values[k].view(), Par::Seq), delta.sum_axis(Axis(0))));
                 if k > 0 {
-                    delta = product(delta.view(), s.layer.weights.view());
+                    delta = product(delta.view(), s.layer.weights.view(), Par::Seq);
                     delta.zip_mut_with(&values[k], |d, &v| *d = if v > 0.0 { *d } else { 0.0 });
                 }
             }

@@ -1,16 +1,14 @@
 //! Features of the low image (paper section 4.4 after its ref. [22], and Zeyde 2010): f = F·w, with F the principal
 //! components of the first and second order gradients over a window, folded into one matrix on the window's values.
 
-use faer::diag::Diag;
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::evd;
-use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, MatMut, MatRef, Par};
-use ndarray::{Array2, ArrayView2};
+use ndarray::{Array2, ArrayView2, s};
 
 use super::error::Error;
+use crate::linalg::{Eigen, Par, product_into_columns, symmetric_eigen};
 
 /// Pixels that the widest gradient filter reaches beyond its centre.
+///
+/// Source: the second-order filter [½ 0 −1 0 ½] of Zeyde 2010.
 const REACH: usize = 2;
 
 fn reflect(i: isize, n: usize) -> usize {
@@ -93,18 +91,14 @@ pub fn extract_features(
     filters_per_input: &[usize],
     corners: &[(usize, usize)],
 ) -> Array2<f32> {
-    let (n, m, s2) = (corners.len(), filters.nrows(), support * support);
-    let mut out = Array2::<f32>::zeros((n, m));
-    let filters = filters.as_standard_layout();
-    let (Some(f), Some(o)) = (filters.as_slice(), out.as_slice_mut()) else { return out };
+    let mut out = Array2::<f32>::zeros((corners.len(), filters.nrows()));
     let mut windows = Vec::new();
     let mut first = 0;
     for (plane, &count) in padded.iter().zip(filters_per_input) {
         copy_windows(plane, support, corners, &mut windows);
-        let columns = MatMut::from_row_major_slice_mut(o, n, m).subcols_mut(first, count);
-        let rows = MatRef::from_row_major_slice(&f[first * s2..(first + count) * s2], count, s2);
-        let windows = MatRef::from_row_major_slice(windows.as_slice(), n, s2);
-        matmul(columns, Accum::Replace, windows, rows.transpose(), 1.0, Par::Seq);
+        let Ok(windows) = ArrayView2::from_shape((corners.len(), support * support), &windows) else { continue };
+        let rows = filters.slice(s![first..first + count, ..]);
+        product_into_columns(&mut out, first, windows, rows.t(), Par::Seq);
         first += count;
     }
     out
@@ -117,6 +111,14 @@ pub(super) fn row_norms(features: &Array2<f32>) -> Vec<f32> {
 
 /// The gradients as one matrix, 4·window² × support² with support = window + 4: for every place of the window the
 /// horizontal and vertical [−1 0 1] and [½ 0 −1 0 ½], applied to the values of the support.
+///
+/// ```
+/// use lenslet_core::dictionary::gradient_operator;
+/// use ndarray::Array1;
+///
+/// let ramp = Array1::from_shape_fn(25, |i| (3 * (i % 5)) as f64); // slope 3 from left to right
+/// assert_eq!(gradient_operator(1).dot(&ramp).to_vec(), [6.0, 0.0, 0.0, 0.0]);
+/// ```
 #[must_use]
 pub fn gradient_operator(window: usize) -> Array2<f64> {
     let support = window + 2 * REACH;
@@ -144,6 +146,19 @@ pub fn gradient_operator(window: usize) -> Array2<f64> {
 ///
 /// # Errors
 /// [`Error::Parameter`] when shapes do not fit, `features` is out of range, or the moments have no energy.
+///
+/// ```
+/// use lenslet_core::dictionary::learn_filters;
+/// use ndarray::Array2;
+///
+/// // Windows of 7×7 pixels that hold one grating each: sine and cosine span what their gradients are.
+/// let windows = Array2::from_shape_fn((40, 49), |(n, i)| (0.9 * (i % 7) as f64 + n as f64).sin());
+/// let (filters, kept) = learn_filters(windows.t().dot(&windows).view(), 3, 2)?;
+/// assert_eq!(filters.dim(), (2, 49));
+/// assert!(kept > 0.999);
+/// assert!(filters.rows().into_iter().all(|filter| filter.sum().abs() < 1e-5));
+/// # Ok::<(), lenslet_core::dictionary::Error>(())
+/// ```
 pub fn learn_filters(
     moments: ArrayView2<'_, f64>,
     window: usize,
@@ -180,8 +195,9 @@ pub fn learn_components(moments: ArrayView2<'_, f64>, features: usize) -> Result
 /// The strongest principal components as rows, and the part of the energy that they keep.
 fn components(moments: &Array2<f64>, count: usize) -> Result<(Array2<f64>, f64), Error> {
     let n = moments.nrows();
-    let matrix = Mat::from_fn(n, n, |i, j| 0.5 * (moments[[i, j]] + moments[[j, i]]));
-    let (values, vectors) = eigen(&matrix)?;
+    let symmetric = (moments + &moments.t()) * 0.5;
+    let Eigen { values, vectors } =
+        symmetric_eigen(symmetric.view()).map_err(|e| Error::Parameter(format!("no principal components: {e}")))?;
     let total: f64 = values.iter().filter(|v| v.is_finite() && **v > 0.0).sum();
     let mut order: Vec<usize> = (0..n).collect();
     order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
@@ -189,7 +205,7 @@ fn components(moments: &Array2<f64>, count: usize) -> Result<(Array2<f64>, f64),
     if !(total > 0.0 && kept.is_finite()) {
         return Err(Error::Parameter("the training windows have no gradients: photos of one colour?".into()));
     }
-    Ok((Array2::from_shape_fn((count, n), |(i, j)| vectors[(j, order[i])]), kept / total))
+    Ok((Array2::from_shape_fn((count, n), |(i, j)| vectors[[j, order[i]]]), kept / total))
 }
 
 /// Turns a filter so that its largest entry is positive.
@@ -198,19 +214,6 @@ fn upright(mut row: ndarray::ArrayViewMut1<'_, f64>) {
     if peak < 0.0 {
         row.mapv_inplace(|v| -v);
     }
-}
-
-/// Eigenvalues and, as columns, eigenvectors, on this thread only: results must not depend on how many there are.
-fn eigen(matrix: &Mat<f64>) -> Result<(Vec<f64>, Mat<f64>), Error> {
-    let n = matrix.nrows();
-    let need = evd::self_adjoint_evd_scratch::<f64>(n, evd::ComputeEigenvectors::Yes, Par::Seq, Default::default());
-    let mut memory = MemBuffer::new(need);
-    let (mut values, mut vectors) = (Diag::zeros(n), Mat::zeros(n, n));
-    let stack = MemStack::new(&mut memory);
-    let (s, u) = (values.as_mut(), Some(vectors.as_mut()));
-    evd::self_adjoint_evd(matrix.as_ref(), s, u, Par::Seq, stack, Default::default())
-        .map_err(|e| Error::Parameter(format!("no principal components: {e:?}")))?;
-    Ok(((0..n).map(|i| values.column_vector()[i]).collect(), vectors))
 }
 
 #[cfg(test)]

@@ -50,7 +50,7 @@ pub use features::{copy_windows, extract_features, gradient_operator, learn_comp
 pub use file::{FORMAT_VERSION, Format, export_npy, from_bytes, load, save, to_bytes};
 pub use model::{Anchored, Dictionary, Footprint, Layer, Model, Network, PatchModel, PatchPredictor, Storage};
 pub use options::ReconstructionOptions;
-pub use predict::{nearest_anchors, network_inputs, product};
+pub use predict::{nearest_anchors, network_inputs};
 pub use recipe::{Photo, Recipe};
 pub use reconstruct::PlaneReconstructor;
 pub use validate::validate;

@@ -2,14 +2,13 @@
 
 use std::sync::Arc;
 
-use faer::linalg::matmul::matmul;
-use faer::{Accum, MatMut, MatRef, Par};
-use ndarray::{Array2, ArrayView2};
+use ndarray::{Array2, ArrayView2, Axis};
 
 use super::super::error::Error;
 use super::super::features::{extract_features, row_norms};
 use super::super::model::{Anchored, Model};
 use super::predictor::PredictPatches;
+use crate::linalg::{Par, product_into_columns};
 
 /// Features whose correlations with all anchors are held at once.
 ///
@@ -96,34 +95,22 @@ fn regress(anchored: &Anchored, features: &Array2<f32>, flat: f32) -> Array2<f32
 /// ```
 #[must_use]
 pub fn nearest_anchors(anchors: ArrayView2<'_, f32>, signals: ArrayView2<'_, f32>) -> Vec<(u32, f32)> {
-    let ((n, m), k) = (signals.dim(), anchors.nrows());
-    assert_eq!(m, anchors.ncols(), "signals and anchors have different lengths");
-    let (signals, anchors) = (signals.as_standard_layout(), anchors.as_standard_layout());
-    let mut nearest = Vec::with_capacity(n);
-    let mut correlations = vec![0.0f32; CHUNK.min(n) * k];
-    let (Some(signals), Some(anchors)) = (signals.as_slice(), anchors.as_slice()) else { return vec![(0, 0.0); n] };
-    if k == 0 || m == 0 {
-        return vec![(0, 0.0); n];
-    }
-    for chunk in signals.chunks(CHUNK * m) {
-        let rows = chunk.len() / m;
-        let correlations = &mut correlations[..rows * k];
-        matmul(
-            MatMut::from_row_major_slice_mut(correlations, rows, k),
-            Accum::Replace,
-            MatRef::from_row_major_slice(chunk, rows, m),
-            MatRef::from_row_major_slice(anchors, k, m).transpose(),
-            1.0,
-            Par::Seq,
-        );
-        for row in correlations.chunks_exact(k) {
-            let mut best = (0, -1.0f32);
-            for (j, v) in row.iter().enumerate() {
-                if v.abs() > best.1 {
-                    best = (j, v.abs());
+    assert_eq!(signals.ncols(), anchors.ncols(), "signals and anchors have different lengths");
+    let mut nearest = Vec::with_capacity(signals.nrows());
+    let mut correlations = Array2::<f32>::zeros((CHUNK.min(signals.nrows()), anchors.nrows()));
+    for chunk in signals.axis_chunks_iter(Axis(0), CHUNK) {
+        if chunk.nrows() < correlations.nrows() {
+            correlations = Array2::zeros((chunk.nrows(), anchors.nrows()));
+        }
+        product_into_columns(&mut correlations, 0, chunk, anchors.t(), Par::Seq);
+        for row in correlations.rows() {
+            let mut best = (0, 0.0, -1.0f32);
+            for (j, &v) in row.iter().enumerate() {
+                if v.abs() > best.2 {
+                    best = (j as u32, v, v.abs());
                 }
             }
-            nearest.push((best.0 as u32, row[best.0]));
+            nearest.push((best.0, best.1));
         }
     }
     nearest

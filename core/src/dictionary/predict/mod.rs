@@ -13,7 +13,7 @@ use super::model::{Model, PatchPredictor};
 use super::options::ReconstructionOptions;
 
 pub use anchored::nearest_anchors;
-pub use network::{network_inputs, product};
+pub use network::network_inputs;
 pub(super) use predictor::PredictPatches;
 
 /// The predictor that `options` ask for, or the LASSO codes where the model has no such predictor.

@@ -4,15 +4,14 @@
 
 use std::sync::Arc;
 
-use faer::linalg::matmul::matmul;
-use faer::{Accum, MatMut, MatRef, Par};
-use ndarray::{Array2, ArrayView2, s};
+use ndarray::{Array2, s};
 
 use super::super::error::Error;
 use super::super::features::{extract_features, row_norms};
 use super::super::model::{Layer, Model, Network};
 use super::predictor::PredictPatches;
 use crate::interpolation::Interpolation;
+use crate::linalg::{Par, product};
 
 /// The model's network.
 #[derive(Debug)]
@@ -120,7 +119,7 @@ impl Layer {
     /// ```
     #[must_use]
     pub fn forward(&self, x: &Array2<f32>, rectified: bool) -> Array2<f32> {
-        let mut out = product(x.view(), self.weights.t());
+        let mut out = product(x.view(), self.weights.t(), Par::Seq);
         for mut row in out.rows_mut() {
             row += &self.bias;
             if rectified {
@@ -128,45 +127,6 @@ impl Layer {
             }
         }
         out
-    }
-}
-
-/// a·b on this thread.
-#[must_use]
-pub fn product(a: ArrayView2<'_, f32>, b: ArrayView2<'_, f32>) -> Array2<f32> {
-    let ((n, k), m) = (a.dim(), b.ncols());
-    let mut out = Array2::<f32>::zeros((n, m));
-    // Rows are contiguous in one of the two orders, whichever way the matrix was turned.
-    let (a, b) = (Plain::of(a), Plain::of(b));
-    if let Some(o) = out.as_slice_mut() {
-        let out = MatMut::from_row_major_slice_mut(o, n, m);
-        matmul(out, Accum::Replace, a.matrix(n, k), b.matrix(k, m), 1.0, Par::Seq);
-    }
-    out
-}
-
-/// The values of a matrix in rows, or in columns where it stands on its side.
-enum Plain<'a> {
-    Rows(std::borrow::Cow<'a, [f32]>),
-    Columns(&'a [f32]),
-}
-
-impl<'a> Plain<'a> {
-    fn of(a: ArrayView2<'a, f32>) -> Plain<'a> {
-        if let Some(rows) = a.to_slice() {
-            return Plain::Rows(rows.into());
-        }
-        match a.reversed_axes().to_slice() {
-            Some(columns) => Plain::Columns(columns),
-            None => Plain::Rows(a.iter().copied().collect::<Vec<f32>>().into()),
-        }
-    }
-
-    fn matrix(&self, rows: usize, columns: usize) -> MatRef<'_, f32> {
-        match self {
-            Plain::Rows(values) => MatRef::from_row_major_slice(values, rows, columns),
-            Plain::Columns(values) => MatRef::from_column_major_slice(values, rows, columns),
-        }
     }
 }
 
@@ -233,15 +193,5 @@ pub(crate) mod tests {
                 }
             }
         }
-    }
-
-    #[test]
-    fn products_of_turned_matrices() {
-        let a = Array2::from_shape_fn((4, 6), |(i, j)| (i * 6 + j) as f32);
-        let b = Array2::from_shape_fn((5, 6), |(i, j)| (i + 2 * j) as f32);
-        assert_eq!(product(a.view(), b.t()), a.dot(&b.t()));
-        assert_eq!(product(b.view(), a.t()), b.dot(&a.t()));
-        let part = a.slice(ndarray::s![.., ..;2]);
-        assert_eq!(product(part.t(), part), part.t().dot(&part));
     }
 }

@@ -9,6 +9,7 @@ use super::super::error::Error;
 use super::super::features::extract_features;
 use super::super::model::Model;
 use super::predictor::PredictPatches;
+use crate::linalg::{Par, product};
 
 /// The model's ridge regressor.
 #[derive(Debug)]
@@ -34,6 +35,6 @@ impl PredictPatches for RidgeRegressor {
     fn predict(&self, padded: &[Array2<f32>], corners: &[(usize, usize)]) -> Result<Array2<f32>, Error> {
         let parts = &self.model.patch_model;
         let features = extract_features(&padded[..1], parts.support, &parts.filters, &[parts.filters.nrows()], corners);
-        Ok(features.dot(&parts.ridge))
+        Ok(product(features.view(), parts.ridge.view(), Par::Seq))
     }
 }
