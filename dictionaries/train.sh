@@ -1,7 +1,8 @@
 #!/bin/sh
 # Trains the dictionaries that are inside the program, from a folder of photos: dictionaries/train.sh PHOTOS [NAME…]
-# NAME is default (the default), multiview, small, x2 or x3. What is not in NAME.json stands at its default (see
-# train/src/parameters.rs). Pictures of the run go with its log, the dictionary stays here.
+# NAME (default: default) is that of a recipe NAME.json here; what it leaves out has its default (see
+# train/src/parameters.rs). Pictures of the run go with its log, the dictionary stays here. With a card NAME.md beside it
+# the next build embeds it.
 set -eu
 [ $# -ge 1 ] || { echo "usage: $0 PHOTOS [NAME...]" >&2; exit 2; }
 here=$(cd "$(dirname "$0")" && pwd)

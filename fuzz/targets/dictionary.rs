@@ -7,6 +7,8 @@ fuzz_target!(|data: &[u8]| {
     let read = |bytes: &[u8]| {
         if let Ok(d) = dictionary::from_bytes(bytes, "input") {
             dictionary::validate(&d).expect("what is read is valid");
+            let kinds = dictionary::read_kinds(bytes, "input").expect("a header is easier to read");
+            assert_eq!(kinds.len(), d.models.len());
         }
     };
     read(data);

@@ -18,8 +18,8 @@ fn reflect(i: isize, n: usize) -> usize {
     if r < n { r } else { period as usize - 1 - r }
 }
 
-/// A plane (t, s) with `margin` pixels around it, mirrored at its borders (the border value repeated). Of a plane without
-/// pixels a copy.
+/// A plane (t, s) with `margin` pixels around it, mirrored at its borders (the border value repeated). Of a plane
+/// without pixels a copy.
 ///
 /// ```
 /// use lenslet_core::dictionary::pad_mirrored;
@@ -46,8 +46,8 @@ pub fn pad_mirrored(plane: ArrayView2<'_, f32>, margin: usize) -> Array2<f32> {
     out
 }
 
-/// Copies the windows (support² values each, one after the other) of a padded plane whose top left corners are `corners`
-/// (y, x) into `out`, whose contents are replaced.
+/// Copies the windows (support² values each, one after the other) of a padded plane whose top left corners are
+/// `corners` (y, x) into `out`, whose contents are replaced.
 ///
 /// # Panics
 /// When a window leaves the plane.

@@ -1,4 +1,5 @@
-//! Coupled dictionaries Dl, Dh (paper section 4.4, eq. (3) and (4)): what is learned, its files, and its use on a plane.
+//! Coupled dictionaries Dl, Dh (paper section 4.4, eq. (3) and (4)): what is learned, its files, and its use on a
+//! plane.
 //!
 //! A [`Dictionary`] holds a [`Model`] for each footprint it was trained for, and each of these one [`PatchModel`]:
 //!
@@ -6,15 +7,20 @@
 //!    `F` (m × support²) are gradients of first and second order followed by their principal components (Zeyde 2010),
 //!    folded into one matrix; every row of `F` sums to zero, so the mean of the window does not matter;
 //! 2. norm: `n = max(‖f‖, floor)`, `y = f/n`;
-//! 3. code: φ = argmin ½‖y − Dlᵀφ‖² + λ‖φ‖₁ (eq. (4)), or its replacement by anchored regression (A+) or a small network;
+//! 3. code: φ = argmin ½‖y − Dlᵀφ‖² + λ‖φ‖₁ (eq. (4)), or its replacement by anchored regression (A+) or a small
+//!    network;
 //! 4. residual patch `n·Dhᵀφ` (`patch`² values), added to the low image where patches overlap by weighted mean.
 //!
 //! The mean of the patch comes from the low image, since the residual high − low is what is learned.
 //!
 //! # Adding a predictor
-//! A [`PatchPredictor`] touches four files: `predict/NAME.rs` implements the trait (and `predict/mod.rs` names it),
-//! `model.rs` has the enum's variant and the matrices, `file/matrices.rs` lists these for the files, and the trainer fits
-//! them. `validate.rs` is where their shapes are checked.
+//! A [`PatchPredictor`] touches four files:
+//!
+//! 1. `predict/NAME.rs` implements the trait; `predict/mod.rs` has one line for it;
+//! 2. `model.rs` has the enum's variant, and its matrices in [`PatchModel`]; `validate.rs` checks their shapes;
+//! 3. `file/matrices.rs` lists the matrices and numbers for the files: `.safetensors` needs no more, while an `.lfd`
+//!    needs a section in `file/lfd_header.rs` and a new version;
+//! 4. the trainer fits it.
 //!
 //! # Example
 //! ```
@@ -47,8 +53,8 @@ mod validate;
 pub use crate::interpolation::Interpolation;
 pub use error::Error;
 pub use features::{copy_windows, extract_features, gradient_operator, learn_components, learn_filters, pad_mirrored};
-pub use file::{FORMAT_VERSION, Format, export_npy, from_bytes, load, save, to_bytes};
-pub use model::{Anchored, Dictionary, Footprint, Layer, Model, Network, PatchModel, PatchPredictor, Storage};
+pub use file::{FORMAT_VERSION, Format, export_npy, from_bytes, load, read_kinds, save, to_bytes};
+pub use model::{Anchored, Dictionary, Footprint, Layer, Model, ModelKind, Network, PatchModel, PatchPredictor, Storage};
 pub use options::ReconstructionOptions;
 pub use predict::{nearest_anchors, network_inputs};
 pub use recipe::{Photo, Recipe};

@@ -61,8 +61,9 @@ pub struct Layer {
 
 /// A small feed-forward network that predicts residual patches.
 ///
-/// Features `f`: of the low image's window as in [`PatchModel`]; of each side input, filters of its difference to the low
-/// image. The first layer takes `f/n` and ln `n` with `n = max(‖f‖, floor)`; the outputs of the last times ‖f‖ are the residual.
+/// Features `f`: of the low image's window as in [`PatchModel`]; of each side input, filters of its difference to the
+/// low image. The first layer takes `f/n` and ln `n` with `n = max(‖f‖, floor)`; the outputs of the last times ‖f‖ are
+/// the residual.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Network {
     /// Side of the windows (odd), pixels.
@@ -123,6 +124,25 @@ pub struct Model {
     pub pitch: f64,
     /// The learned map.
     pub patch_model: PatchModel,
+}
+
+/// What a model was trained for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ModelKind {
+    /// What a sample was.
+    pub footprint: Footprint,
+    /// Which interpolation made the low image.
+    pub base: Interpolation,
+    /// Output pixels between neighbouring samples of a row; of a grid, by how much it is enlarged.
+    pub pitch: f64,
+}
+
+impl Model {
+    /// What the model was trained for.
+    #[must_use]
+    pub fn kind(&self) -> ModelKind {
+        ModelKind { footprint: self.footprint, base: self.base, pitch: self.pitch }
+    }
 }
 
 /// How values of the file's anchored maps are stored; everything else is f32.

@@ -1,4 +1,5 @@
-//! Overlapping patches on a plane: where they lie, the weighted mean where they overlap, and mirrored copies of the plane.
+//! Overlapping patches on a plane: where they lie, the weighted mean where they overlap, and mirrored copies of the
+//! plane.
 //!
 //! result = low + Σ w·r / Σ w over the patches that cover a pixel; r is a patch's residual there, w its weight there.
 
@@ -7,8 +8,8 @@ use rayon::prelude::*;
 
 use super::error::Error;
 
-/// Rows of patches whose residuals are predicted together. Results depend on it only by the grouping of float sums, which
-/// is why it is fixed.
+/// Rows of patches whose residuals are predicted together. Results depend on it only by the grouping of float sums,
+/// which is why it is fixed.
 ///
 /// Source: chosen.
 const BAND: usize = 8;
@@ -85,8 +86,8 @@ fn patch_weights(patch: usize, spread: f32) -> Vec<f32> {
     (0..patch * patch).map(|i| (-(square(i / patch) + square(i % patch)) * scale).exp().max(1e-6)).collect()
 }
 
-/// Copy 0 to 3 of a plane: as it is, turned by half, mirrored top to bottom, mirrored left to right. Each undoes itself.
-/// The lattice maps to itself under these (but for its small rotation), so the training fits the copies too.
+/// Copy 0 to 3 of a plane: as it is, turned by half, mirrored top to bottom, mirrored left to right. Each undoes
+/// itself. The lattice maps to itself under these (but for its small rotation), so the training fits the copies too.
 pub(super) fn mirrored_copy(mut plane: ArrayView2<'_, f32>, copy: usize) -> ArrayView2<'_, f32> {
     if matches!(copy, 1 | 2) {
         plane.invert_axis(Axis(0));

@@ -1,5 +1,5 @@
-//! Learned reconstruction of a plane (paper section 4.4, eq. (4)): predict the residual of every overlapping patch of the
-//! low image, add their weighted mean.
+//! Learned reconstruction of a plane (paper section 4.4, eq. (4)): predict the residual of every overlapping patch of
+//! the low image, add their weighted mean.
 
 use std::sync::Arc;
 
@@ -74,8 +74,8 @@ impl PlaneReconstructor {
     /// Reconstructs a plane (t, s) of luminance, sRGB-encoded, 0..1. The result is not clamped.
     ///
     /// `low` is the low image, `side_inputs` are images of the same size in the order of
-    /// [`PlaneReconstructor::side_inputs`]; where these are missing, the LASSO codes take the network's place. Values that are
-    /// not finite count as 0. Memory: about ten planes.
+    /// [`PlaneReconstructor::side_inputs`]; where these are missing, the LASSO codes take the network's place. Values
+    /// that are not finite count as 0. Memory: about ten planes.
     ///
     /// # Errors
     /// [`Error::Parameter`] for side inputs of another size; what the sparse solver reports.

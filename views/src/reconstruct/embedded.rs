@@ -1,36 +1,66 @@
-//! The dictionaries inside the program.
+//! The dictionaries inside the program: those of the folder `dictionaries` with a card and a recipe, listed by the
+//! build script. Which of them is for which views is read from their headers.
 
-use lenslet_core::dictionary::{self, Dictionary, Interpolation};
+use lenslet_core::dictionary::{self, Dictionary, Footprint, ModelKind};
+use lenslet_core::interpolation::Interpolation;
 
-/// Names and files; the first is the default.
-const SHELF: [(&str, &[u8]); 5] = [
-    ("default", include_bytes!("../../../dictionaries/default.lfd")),
-    ("multiview", include_bytes!("../../../dictionaries/multiview.lfd")),
-    ("small", include_bytes!("../../../dictionaries/small.lfd")),
-    ("x2", include_bytes!("../../../dictionaries/x2.lfd")),
-    ("x3", include_bytes!("../../../dictionaries/x3.lfd")),
-];
+// `INDEX`: names and files, the default first.
+include!(concat!(env!("OUT_DIR"), "/embedded_index.rs"));
 
 /// The names of [`named`], the default first.
+///
+/// ```
+/// use lenslet_views::reconstruct::names;
+///
+/// assert_eq!(names().next(), Some("default"));
+/// assert!(names().any(|name| name == "multiview"));
+/// ```
 pub fn names() -> impl Iterator<Item = &'static str> {
-    SHELF.iter().map(|(name, _)| *name)
+    INDEX.iter().map(|(name, _)| *name)
 }
 
 /// A dictionary inside the program by its name; `None` where no such is.
 #[must_use]
 pub fn named(name: &str) -> Option<Result<Dictionary, dictionary::Error>> {
-    let (name, bytes) = SHELF.iter().find(|(known, _)| *known == name)?;
+    let (name, bytes) = INDEX.iter().find(|(known, _)| *known == name)?;
     Some(dictionary::from_bytes(bytes, &format!("the embedded dictionary {name}")))
 }
 
-/// The name of the dictionary for views of the final size that `base` made.
-#[must_use]
-pub fn name_for(base: Interpolation) -> &'static str {
-    if base == Interpolation::Multiview { "multiview" } else { "default" }
+/// The first name all of whose models are of such a kind.
+fn name_with(wanted: impl Fn(&ModelKind) -> bool) -> Option<&'static str> {
+    let fits = |name, bytes| dictionary::read_kinds(bytes, name).is_ok_and(|kinds| kinds.iter().all(&wanted));
+    INDEX.iter().find(|(name, bytes)| fits(name, bytes)).map(|(name, _)| *name)
 }
 
-/// The dictionary for views of the final size that `base` made: one of its own for refined views, the default for all
-/// others.
+/// The name of the dictionary for views of the final size that `base` made: the first that was trained for it, else the
+/// default.
+///
+/// ```
+/// use lenslet_core::interpolation::Interpolation;
+/// use lenslet_views::reconstruct::name_for;
+///
+/// assert_eq!(name_for(Interpolation::Multiview), "multiview");
+/// assert_eq!(name_for(Interpolation::Cubic), "default");
+/// ```
+#[must_use]
+pub fn name_for(base: Interpolation) -> &'static str {
+    name_with(|kind| kind.base == base && kind.footprint != Footprint::Grid).unwrap_or("default")
+}
+
+/// The name of the dictionary for rectangular grids that are enlarged by `scale`, where there is one.
+///
+/// ```
+/// use lenslet_views::reconstruct::name_for_grid;
+///
+/// assert_eq!(name_for_grid(3.0), Some("x3"));
+/// assert_eq!(name_for_grid(2.5), None);
+/// ```
+#[must_use]
+pub fn name_for_grid(scale: f64) -> Option<&'static str> {
+    name_with(|kind| kind.footprint == Footprint::Grid && kind.pitch == scale)
+}
+
+/// The dictionary of [`name_for`].
 ///
 /// # Errors
 /// When the build embedded a file that is no dictionary.
@@ -39,7 +69,7 @@ pub fn embedded_for(base: Interpolation) -> Result<Dictionary, dictionary::Error
     named(name).unwrap_or_else(|| Err(dictionary::Error::Parameter(format!("no dictionary {name} is embedded"))))
 }
 
-/// The dictionary embedded in the program: `dictionaries/default.lfd`.
+/// The dictionary embedded in the program for views interpolated from their own samples: `dictionaries/default.lfd`.
 ///
 /// # Errors
 /// As [`embedded_for`].
@@ -53,14 +83,18 @@ mod tests {
 
     #[test]
     fn every_dictionary_is_whole_and_made_for_what_it_is_taken_for() {
-        for name in names() {
-            assert!(named(name).unwrap().is_ok(), "{name}");
+        for (name, bytes) in INDEX {
+            let kinds: Vec<ModelKind> = named(name).unwrap().unwrap().models.iter().map(|m| m.kind()).collect();
+            assert_eq!(dictionary::read_kinds(bytes, name).unwrap(), kinds, "{name}");
         }
+        assert_eq!(names().collect::<Vec<_>>(), ["default", "multiview", "small", "x2", "x3"]);
         assert!(named("nothing").is_none());
         for base in [Interpolation::Barycentric, Interpolation::Multiview] {
             let found = embedded_for(base).unwrap();
             assert!(found.models.iter().all(|m| m.base == base), "{base}");
         }
-        assert_eq!(name_for(Interpolation::Cubic), name_for(Interpolation::Barycentric));
+        assert_eq!(name_for(Interpolation::Bicubic), "default");
+        assert_eq!(name_for(Interpolation::Barycentric), "default");
+        assert_eq!([2.0, 3.0, 4.0].map(name_for_grid), [Some("x2"), Some("x3"), None]);
     }
 }

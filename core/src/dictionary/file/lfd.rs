@@ -6,7 +6,7 @@
 //! | 4 | format version, little-endian |
 //! | 4 | codec of the header: 1 = bincode 2, standard configuration |
 //! | 8 | length of the header |
-//! | … | header: tool, recipe (JSON text), models, table of matrices, SHA-256 of the payload; version 3: then the networks |
+//! | … | header: tool, recipe (JSON), models, table of matrices, SHA-256 of the payload; version 3: the networks |
 //! | … | zeros up to a multiple of 64, then the payload: matrices, each at a multiple of 64 |
 //! | 32 | SHA-256 of everything before it (since version 2; version 1 ends with the payload and guards only that) |
 //!
@@ -18,7 +18,7 @@ use sha2::{Digest, Sha256};
 
 use super::super::error::Error;
 use super::super::limits;
-use super::super::model::{Dictionary, Model, Storage};
+use super::super::model::{Dictionary, Model, ModelKind, Storage};
 use super::super::recipe::Recipe;
 use super::super::validate::validate;
 use super::lfd_header::{Header, ModelHeader, NetworkHeader, PassHeader, Table, decode_header, encode_header};
@@ -161,15 +161,7 @@ fn number<const N: usize>(bytes: &[u8], start: usize) -> Option<[u8; N]> {
 pub(super) fn read_lfd(bytes: &[u8], name: &str) -> Result<Dictionary, Error> {
     let malformed = |reason: String| Error::Malformed { path: name.into(), reason };
     let short = || malformed(format!("it ends after {} bytes", bytes.len()));
-    let version = u32::from_le_bytes(number(bytes, 8).ok_or_else(short)?);
-    if !(1..=FORMAT_VERSION).contains(&version) {
-        let remedy = if version > FORMAT_VERSION {
-            "use a newer lenslet, or train it again with `lenslet train-dict`"
-        } else {
-            "train it again with `lenslet train-dict`"
-        };
-        return Err(Error::Version { path: name.into(), found: version, known: FORMAT_VERSION, remedy });
-    }
+    let version = read_version(bytes, name)?;
     let bytes = if version < SEALED {
         bytes
     } else {
@@ -179,15 +171,7 @@ pub(super) fn read_lfd(bytes: &[u8], name: &str) -> Result<Dictionary, Error> {
         }
         body
     };
-    let codec = u32::from_le_bytes(number(bytes, 12).ok_or_else(short)?);
-    if codec != CODEC_BINCODE {
-        return Err(malformed(format!("header codec {codec} is not known")));
-    }
-    let length = u64::from_le_bytes(number(bytes, 16).ok_or_else(short)?);
-    let length = usize::try_from(length).ok().filter(|&l| l <= limits::HEADER);
-    let length = length.ok_or_else(|| malformed("its header is too long".into()))?;
-    let encoded = bytes.get(FIXED..FIXED + length).ok_or_else(short)?;
-    let (header, networks) = decode_header(encoded, version >= NETWORKS).map_err(malformed)?;
+    let (header, networks, length) = read_header(bytes, version).map_err(malformed)?;
     let payload = bytes.get((FIXED + length).next_multiple_of(ALIGN)..).ok_or_else(short)?;
     if Sha256::digest(payload).as_slice() != header.sha256 {
         return Err(malformed("its matrices do not match their checksum".into()));
@@ -205,6 +189,48 @@ pub(super) fn read_lfd(bytes: &[u8], name: &str) -> Result<Dictionary, Error> {
     let dictionary = Dictionary { recipe, storage: header.storage.into(), models };
     validate(&dictionary).map_err(|e| malformed(e.to_string()))?;
     Ok(dictionary)
+}
+
+/// What the models of an `.lfd` file were trained for, from its header alone: no checksum is looked at.
+///
+/// # Errors
+/// As [`read_lfd`].
+pub(super) fn read_lfd_kinds(bytes: &[u8], name: &str) -> Result<Vec<ModelKind>, Error> {
+    let version = read_version(bytes, name)?;
+    let (header, ..) =
+        read_header(bytes, version).map_err(|reason| Error::Malformed { path: name.into(), reason })?;
+    let kind = |m: &ModelHeader| ModelKind { footprint: m.footprint.into(), base: m.base.into(), pitch: m.pitch };
+    Ok(header.models.iter().map(kind).collect())
+}
+
+fn read_version(bytes: &[u8], name: &str) -> Result<u32, Error> {
+    let Some(version) = number(bytes, 8).map(u32::from_le_bytes) else {
+        return Err(Error::Malformed { path: name.into(), reason: format!("it ends after {} bytes", bytes.len()) });
+    };
+    if (1..=FORMAT_VERSION).contains(&version) {
+        return Ok(version);
+    }
+    let remedy = if version > FORMAT_VERSION {
+        "use a newer lenslet, or train it again with `lenslet train-dict`"
+    } else {
+        "train it again with `lenslet train-dict`"
+    };
+    Err(Error::Version { path: name.into(), found: version, known: FORMAT_VERSION, remedy })
+}
+
+/// The header, the networks' numbers, and the header's length.
+fn read_header(bytes: &[u8], version: u32) -> Result<(Header, Vec<NetworkHeader>, usize), String> {
+    let short = || format!("it ends after {} bytes", bytes.len());
+    let codec = u32::from_le_bytes(number(bytes, 12).ok_or_else(short)?);
+    if codec != CODEC_BINCODE {
+        return Err(format!("header codec {codec} is not known"));
+    }
+    let length = u64::from_le_bytes(number(bytes, 16).ok_or_else(short)?);
+    let length = usize::try_from(length).ok().filter(|&l| l <= limits::HEADER);
+    let length = length.ok_or("its header is too long")?;
+    let encoded = bytes.get(FIXED..FIXED + length).ok_or_else(short)?;
+    let (header, networks) = decode_header(encoded, version >= NETWORKS)?;
+    Ok((header, networks, length))
 }
 
 fn read_models(header: &Header, networks: &[NetworkHeader], payload: &[u8]) -> Result<Vec<Model>, String> {

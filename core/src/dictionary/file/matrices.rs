@@ -138,7 +138,8 @@ impl ModelNumbers {
 /// Shape and values of a matrix, or what is wrong with it.
 pub(super) type Values = Result<(Vec<usize>, Vec<f32>), String>;
 
-/// A model of its numbers and of the matrices that `read` finds. Shapes are checked by [`super::super::validate`], not here.
+/// A model of its numbers and of the matrices that `read` finds. Shapes are checked by [`super::super::validate`], not
+/// here.
 ///
 /// # Errors
 /// Numbers beyond [`limits`]; what `read` says; matrices of another dimension.

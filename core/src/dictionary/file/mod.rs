@@ -1,5 +1,5 @@
-//! Files of dictionaries: `.lfd` and `.safetensors`, which hold the same. Writing goes by the file's ending, reading by its
-//! contents.
+//! Files of dictionaries: `.lfd` and `.safetensors`, which hold the same. Writing goes by the file's ending, reading by
+//! its contents.
 
 mod lfd;
 mod lfd_header;
@@ -12,7 +12,7 @@ use std::path::Path;
 
 use super::error::Error;
 use super::limits;
-use super::model::Dictionary;
+use super::model::{Dictionary, ModelKind};
 
 pub use lfd::{FORMAT_VERSION, to_bytes};
 pub use npy::export_npy;
@@ -75,8 +75,8 @@ impl Format {
 /// Writes a dictionary's file, whole or not at all, in the [`Format`] that its name asks for.
 ///
 /// # Errors
-/// [`Error::Parameter`] when it is not a valid dictionary; [`Error::Output`] when the file exists (without `force`) or cannot
-/// be written.
+/// [`Error::Parameter`] when it is not a valid dictionary; [`Error::Output`] when the file exists (without `force`) or
+/// cannot be written.
 ///
 /// ```
 /// use lenslet_core::dictionary;
@@ -135,6 +135,29 @@ pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Dictionary, Error> {
     match Format::detect(bytes) {
         Some(Format::Lfd) => lfd::read_lfd(bytes, name),
         Some(Format::Safetensors) => safetensors::read_safetensors(bytes, name),
+        None => Err(Error::NotDictionary { path: name.into() }),
+    }
+}
+
+/// What the models of a dictionary were trained for, read from the header of its file of either format. Fast, and
+/// unchecked: whether the file is whole is known only after [`from_bytes`].
+///
+/// # Errors
+/// As [`load`].
+///
+/// ```
+/// use lenslet_core::dictionary::{self, Footprint};
+/// use lenslet_core::interpolation::Interpolation;
+///
+/// # let bytes = include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/reference/golden-1.lfd"));
+/// let kinds = dictionary::read_kinds(bytes, "golden-1.lfd")?;
+/// assert_eq!((kinds[1].footprint, kinds[1].base), (Footprint::Lenslet, Interpolation::Barycentric));
+/// # Ok::<(), dictionary::Error>(())
+/// ```
+pub fn read_kinds(bytes: &[u8], name: &str) -> Result<Vec<ModelKind>, Error> {
+    match Format::detect(bytes) {
+        Some(Format::Lfd) => lfd::read_lfd_kinds(bytes, name),
+        Some(Format::Safetensors) => safetensors::read_safetensors_kinds(bytes, name),
         None => Err(Error::NotDictionary { path: name.into() }),
     }
 }

@@ -9,12 +9,12 @@ use super::matrices::{matrices, model_names};
 use super::safetensors::metadata;
 use crate::output::Pending;
 
-/// Writes a dictionary as a folder of .npy files, named as the tensors of a `.safetensors` file (`point.lasso.low_atoms.npy`),
-/// and `dictionary.json`. Anchored maps are always f32.
+/// Writes a dictionary as a folder of .npy files, named as the tensors of a `.safetensors` file
+/// (`point.lasso.low_atoms.npy`), and `dictionary.json`. Anchored maps are always f32.
 ///
 /// # Errors
-/// [`Error::Parameter`] when it is not a valid dictionary; [`Error::Output`] when the folder exists (without `force`) or
-/// cannot be written.
+/// [`Error::Parameter`] when it is not a valid dictionary; [`Error::Output`] when the folder exists (without `force`)
+/// or cannot be written.
 ///
 /// ```
 /// use lenslet_core::dictionary;

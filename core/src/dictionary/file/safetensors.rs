@@ -6,9 +6,9 @@
 //! | … | header, JSON: `__metadata__` (strings), then name, type, shape and place of every tensor |
 //! | … | tensors without gaps, rows contiguous, little-endian |
 //!
-//! Tensors are named `MODEL.PREDICTOR.MATRIX`, as `point.lasso.low_atoms`; all are f32 but anchored maps stored as bytes
-//! (`MODEL.anchored.maps`, i8, times one of `MODEL.anchored.map_scales` a row). Metadata, each a string, all but the first
-//! two and the last JSON:
+//! Tensors are named `MODEL.PREDICTOR.MATRIX`, as `point.lasso.low_atoms`; all are f32 but anchored maps stored as
+//! bytes (`MODEL.anchored.maps`, i8, times one of `MODEL.anchored.map_scales` a row). Metadata, each a string, all but
+//! the first two and the last JSON:
 //!
 //! | key | what |
 //! |---|---|
@@ -17,7 +17,7 @@
 //! | `recipe` | how it was trained |
 //! | `storage` | how anchored maps are stored |
 //! | `models` | name, and what is not a matrix, of every model |
-//! | `sha256` | of every other metadata entry and then every tensor, each in order of names: see [`checksum`]; a file without it (as after changes by another tool) is read unchecked |
+//! | `sha256` | of all other metadata and all tensors: see [`checksum`]; a file without it is read unchecked |
 //!
 //! Metadata and tensors are written in order of their names (tensors of wider types first), so that the same dictionary
 //! gives the same bytes in every run; the safetensors crate writes metadata in the random order of a hash map.
@@ -25,13 +25,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use ::safetensors::SafeTensors;
-use ::safetensors::tensor::{Dtype, TensorView};
+use ::safetensors::tensor::{Dtype, Metadata, TensorView};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::super::error::Error;
 use super::super::limits;
-use super::super::model::{Dictionary, Model, Storage};
+use super::super::model::{Dictionary, Model, ModelKind, Storage};
 use super::super::recipe::Recipe;
 use super::super::validate::validate;
 use super::matrices::{
@@ -104,8 +104,8 @@ fn scales_name(model: &str) -> String {
     format!("{model}.anchored.map_scales")
 }
 
-/// SHA-256 (hexadecimal) of all metadata but itself, key, NUL, value, NUL each, then of all tensors, name, NUL, values each;
-/// both in order of their names.
+/// SHA-256 (hexadecimal) of all metadata but itself, key, NUL, value, NUL each, then of all tensors, name, NUL, values
+/// each; both in order of their names.
 fn checksum<'a>(
     metadata: impl Iterator<Item = (&'a str, &'a str)>,
     tensors: impl Iterator<Item = (&'a str, &'a [u8])>,
@@ -180,22 +180,9 @@ pub(super) fn begins_as_safetensors(bytes: &[u8]) -> bool {
 /// As [`super::load`].
 pub(super) fn read_safetensors(bytes: &[u8], name: &str) -> Result<Dictionary, Error> {
     let malformed = |reason: String| Error::Malformed { path: name.into(), reason };
-    let length = bytes.first_chunk::<FIXED>().map_or(0, |length| u64::from_le_bytes(*length));
-    if length > limits::HEADER as u64 {
-        return Err(malformed("its header is too long".into()));
-    }
     let unread = |e: ::safetensors::SafeTensorError| malformed(format!("its header cannot be read ({e})"));
-    let (_, header) = SafeTensors::read_metadata(bytes).map_err(unread)?;
-    let metadata: BTreeMap<&str, &str> =
-        header.metadata().iter().flatten().map(|(key, value)| (key.as_str(), value.as_str())).collect();
-    let Some(version) = metadata.get(VERSION_KEY) else {
-        return Err(Error::NotDictionary { path: name.into() });
-    };
-    let version: u32 = version.parse().map_err(|_| malformed(format!("{VERSION_KEY} {version:?} is no version")))?;
-    if version != LAYOUT_VERSION {
-        let remedy = "use a newer lenslet, or train it again with `lenslet train-dict`";
-        return Err(Error::Version { path: name.into(), found: version, known: LAYOUT_VERSION, remedy });
-    }
+    let header = read_header(bytes, name)?;
+    let metadata = strings(&header);
     let file = SafeTensors::deserialize(bytes).map_err(unread)?;
     let tensors: BTreeMap<&str, TensorView<'_>> = file.iter().collect();
     if let Some(sum) = metadata.get(CHECKSUM_KEY) {
@@ -205,6 +192,45 @@ pub(super) fn read_safetensors(bytes: &[u8], name: &str) -> Result<Dictionary, E
         }
     }
     read_contents(&metadata, &tensors).map_err(malformed)
+}
+
+/// What the models of a `.safetensors` file were trained for, from its header alone: no checksum is looked at.
+///
+/// # Errors
+/// As [`read_safetensors`].
+pub(super) fn read_safetensors_kinds(bytes: &[u8], name: &str) -> Result<Vec<ModelKind>, Error> {
+    let header = read_header(bytes, name)?;
+    let named: Vec<NamedModel> =
+        entry(&strings(&header), "models").map_err(|reason| Error::Malformed { path: name.into(), reason })?;
+    let kind = |m: ModelNumbers| ModelKind { footprint: m.footprint, base: m.base, pitch: m.pitch };
+    Ok(named.into_iter().map(|m| kind(m.numbers)).collect())
+}
+
+/// The header of a dictionary of this layout version.
+fn read_header(bytes: &[u8], name: &str) -> Result<Metadata, Error> {
+    let malformed = |reason: String| Error::Malformed { path: name.into(), reason };
+    let length = bytes.first_chunk::<FIXED>().map_or(0, |length| u64::from_le_bytes(*length));
+    if length > limits::HEADER as u64 {
+        return Err(malformed("its header is too long".into()));
+    }
+    let unread = |e: ::safetensors::SafeTensorError| malformed(format!("its header cannot be read ({e})"));
+    let (_, header) = SafeTensors::read_metadata(bytes).map_err(unread)?;
+    let Some(version) = header.metadata().as_ref().and_then(|metadata| metadata.get(VERSION_KEY)) else {
+        return Err(Error::NotDictionary { path: name.into() });
+    };
+    match version.parse() {
+        Ok(LAYOUT_VERSION) => Ok(header),
+        Ok(found) => {
+            let remedy = "use a newer lenslet, or train it again with `lenslet train-dict`";
+            Err(Error::Version { path: name.into(), found, known: LAYOUT_VERSION, remedy })
+        }
+        Err(_) => Err(malformed(format!("{VERSION_KEY} {version:?} is no version"))),
+    }
+}
+
+/// The metadata in order of their keys.
+fn strings(header: &Metadata) -> BTreeMap<&str, &str> {
+    header.metadata().iter().flatten().map(|(key, value)| (key.as_str(), value.as_str())).collect()
 }
 
 fn read_contents(

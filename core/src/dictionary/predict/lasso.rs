@@ -1,5 +1,5 @@
-//! Patches by LASSO codes (paper section 4.4, eq. (4)): φ = argmin ½‖y − Dlᵀφ‖² + λ‖φ‖₁ with y = f/n, n = max(‖f‖, floor);
-//! the patch is n·Dhᵀφ.
+//! Patches by LASSO codes (paper section 4.4, eq. (4)): φ = argmin ½‖y − Dlᵀφ‖² + λ‖φ‖₁ with y = f/n, n = max(‖f‖,
+//! floor); the patch is n·Dhᵀφ.
 
 use std::sync::Arc;
 

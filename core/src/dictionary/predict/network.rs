@@ -1,6 +1,6 @@
-//! Patches by a small feed-forward network in place of a sparse code: features of the low image and of its side inputs to
-//! the residual patch. A code and Dh are one layer of soft thresholds; this has several of rectified outputs, fitted to the
-//! residual itself, and it can weigh several images of the same view against each other.
+//! Patches by a small feed-forward network in place of a sparse code: features of the low image and of its side inputs
+//! to the residual patch. A code and Dh are one layer of soft thresholds; this has several of rectified outputs, fitted
+//! to the residual itself, and it can weigh several images of the same view against each other.
 
 use std::sync::Arc;
 
@@ -57,8 +57,8 @@ impl PredictPatches for PatchNetwork {
 }
 
 impl Network {
-    /// Features (n×m) of the windows whose top left corners are `corners` (y, x) of padded planes: the low image, then for
-    /// each side input its difference to the low image.
+    /// Features (n×m) of the windows whose top left corners are `corners` (y, x) of padded planes: the low image, then
+    /// for each side input its difference to the low image.
     ///
     /// # Panics
     /// When a window leaves its plane.
@@ -82,8 +82,8 @@ impl Network {
     }
 }
 
-/// What the first layer takes for features (n×m): unit vectors and the logarithm of their norms, both as if no norm were
-/// below `floor` (n×(m+1)); and the norms as they are.
+/// What the first layer takes for features (n×m): unit vectors and the logarithm of their norms, both as if no norm
+/// were below `floor` (n×(m+1)); and the norms as they are.
 ///
 /// ```
 /// use lenslet_core::dictionary::network_inputs;

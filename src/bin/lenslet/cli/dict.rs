@@ -31,8 +31,8 @@ Example: lenslet dict export default --out default.safetensors
          lenslet dict export default.safetensors --out default.lfd
          lenslet dict export mine.lfd --out mine-npy/
 
-A .lfd or .safetensors file, which every command reads, or a folder of .npy files with dictionary.json. Matrices are named
-MODEL.PREDICTOR.MATRIX, as point.lasso.low_atoms."
+A .lfd or .safetensors file, which every command reads, or a folder of .npy files with dictionary.json. Matrices are
+named MODEL.PREDICTOR.MATRIX, as point.lasso.low_atoms."
     )]
     Export {
         /// Dictionary file, or a name (default: the embedded one)
@@ -78,10 +78,10 @@ pub fn find(name: &Path) -> anyhow::Result<Dictionary> {
     Ok(dictionary::load(name)?)
 }
 
-/// The dictionary inside the program for rectangular grids enlarged by `scale` (3 when it is not said), where there is one.
+/// The dictionary inside the program for rectangular grids enlarged by `scale` (3 when it is not said), where there is
+/// one.
 pub fn for_grid(scale: Option<f64>) -> Option<&'static Path> {
-    let scale = scale.unwrap_or(3.0);
-    [(2.0, "x2"), (3.0, "x3")].into_iter().find(|(s, _)| *s == scale).map(|(_, name)| Path::new(name))
+    reconstruct::name_for_grid(scale.unwrap_or(3.0)).map(Path::new)
 }
 
 /// What `dict show` and `info` say of a dictionary.
