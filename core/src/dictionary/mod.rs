@@ -54,7 +54,9 @@ pub use crate::interpolation::Interpolation;
 pub use error::Error;
 pub use features::{copy_windows, extract_features, gradient_operator, learn_components, learn_filters, pad_mirrored};
 pub use file::{FORMAT_VERSION, Format, export_npy, from_bytes, load, read_kinds, save, to_bytes};
-pub use model::{Anchored, Dictionary, Footprint, Layer, Model, ModelKind, Network, PatchModel, PatchPredictor, Storage};
+pub use model::{
+    Anchored, Dictionary, Footprint, Layer, Model, ModelKind, Network, PatchModel, PatchPredictor, Storage,
+};
 pub use options::ReconstructionOptions;
 pub use predict::{nearest_anchors, network_inputs};
 pub use recipe::{Photo, Recipe};

@@ -197,8 +197,7 @@ pub(super) fn read_lfd(bytes: &[u8], name: &str) -> Result<Dictionary, Error> {
 /// As [`read_lfd`].
 pub(super) fn read_lfd_kinds(bytes: &[u8], name: &str) -> Result<Vec<ModelKind>, Error> {
     let version = read_version(bytes, name)?;
-    let (header, ..) =
-        read_header(bytes, version).map_err(|reason| Error::Malformed { path: name.into(), reason })?;
+    let (header, ..) = read_header(bytes, version).map_err(|reason| Error::Malformed { path: name.into(), reason })?;
     let kind = |m: &ModelHeader| ModelKind { footprint: m.footprint.into(), base: m.base.into(), pitch: m.pitch };
     Ok(header.models.iter().map(kind).collect())
 }
