@@ -2,14 +2,14 @@
 //! `cargo run --release --example hex_psnr -- [--dictionary FILE] [--footprint point|lenslet] [--seed N] IMAGE…`
 //!
 //! Crops each image to at most 1080×1080, samples its luminance on a hexagonal grid of pitch 1080/328 px, rotation 0.002
-//! rad
-//! (`point`: bilinear at the lenslet centre; `lenslet`: mean over a disc one pitch wide), random phase, reconstructs by every method, and prints one JSON object; 12 px of border are left out.
+//! rad, random phase (`point`: bilinear at the lenslet centre; `lenslet`: mean over a disc one pitch wide), reconstructs by
+//! every method, and prints one JSON object; 12 px of border are left out.
 //! For tables of quality against time: --only NAME,NAME --step N --ensemble N --lambda L.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use anyhow::{Context, anyhow, bail, ensure};
+use clap::Parser as _;
 use lenslet_core::dictionary::{self, Dictionary, Footprint};
 use lenslet_core::metrics::{BORDER, Scores, Window};
 use lenslet_core::sampling::{self, Cubic, DEFAULT_PITCH, DEFAULT_ROTATION, Weights, bicubic, lattice_samples};
@@ -22,44 +22,45 @@ use serde_json::{Value, json};
 
 const SIDE: usize = 1080;
 
+/// Scores every method on photos sampled like a lenslet camera's view
+#[derive(clap::Parser)]
 struct Arguments {
-    dictionary: Dictionary,
-    options: Options,
+    /// Dictionary file (default: the embedded one)
+    #[arg(long)]
+    dictionary: Option<PathBuf>,
+    /// What a sample is: point or lenslet
+    #[arg(long, default_value = "point", value_parser = parse_footprint)]
+    footprint: Footprint,
+    /// Seed of the lattice's phase
+    #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Pixels between patches
+    #[arg(long)]
+    step: Option<usize>,
+    /// λ instead of the trained one
+    #[arg(long)]
+    lambda: Option<f32>,
+    /// Copies averaged: 1, 2 or 4
+    #[arg(long)]
+    ensemble: Option<usize>,
+    /// Only these methods
+    #[arg(long, value_delimiter = ',')]
     only: Option<Vec<String>>,
+    /// Photos
+    #[arg(required = true)]
     images: Vec<PathBuf>,
 }
 
-fn arguments() -> anyhow::Result<Arguments> {
-    let mut options = Options { footprint: Footprint::Point, ..Options::default() };
-    let (mut file, mut seed, mut only, mut images) = (None, 1, None, Vec::new());
-    let mut arguments = std::env::args().skip(1);
-    while let Some(argument) = arguments.next() {
-        let mut value = || arguments.next().ok_or_else(|| anyhow!("{argument} needs a value"));
-        match argument.as_str() {
-            "--dictionary" => file = Some(value()?),
-            "--footprint" => {
-                options.footprint = match value()?.as_str() {
-                    "point" => Footprint::Point,
-                    "lenslet" => Footprint::Lenslet,
-                    other => bail!("footprint {other}: point or lenslet"),
-                }
-            }
-            "--seed" => seed = value()?.parse().context("--seed takes a number")?,
-            "--step" => options.step = Some(value()?.parse().context("--step takes a number")?),
-            "--lambda" => options.lambda = Some(value()?.parse().context("--lambda takes a number")?),
-            "--ensemble" => options.ensemble = Some(value()?.parse().context("--ensemble takes a number")?),
-            "--only" => only = Some(value()?.split(',').map(String::from).collect()),
-            other if other.starts_with("--") => bail!("unknown option {other}"),
-            _ => images.push(PathBuf::from(argument)),
-        }
+fn parse_footprint(name: &str) -> Result<Footprint, String> {
+    let known = [Footprint::Point, Footprint::Lenslet];
+    known.into_iter().find(|f| f.to_string() == name).ok_or_else(|| "point or lenslet".to_owned())
+}
+
+impl Arguments {
+    fn options(&self, mode: Mode) -> Options {
+        let Arguments { footprint, step, lambda, ensemble, .. } = *self;
+        Options { mode, footprint, step, lambda, ensemble, ..Options::default() }
     }
-    ensure!(!images.is_empty(), "usage: hex_psnr [--dictionary FILE] [--footprint point|lenslet] [--seed N] IMAGE…");
-    let dictionary = match file {
-        Some(file) => dictionary::load(Path::new(&file))?,
-        None => embedded()?,
-    };
-    Ok(Arguments { dictionary, options, seed, only, images })
 }
 
 fn score(result: &Array2<f32>, truth: &Array2<f32>) -> anyhow::Result<(f64, f64)> {
@@ -74,12 +75,17 @@ fn plane(values: ndarray::Array3<f32>) -> Array2<f32> {
 }
 
 /// Every method's result and the wall seconds it took.
-fn methods(truth: ArrayView2<'_, f32>, a: &Arguments, index: u64) -> anyhow::Result<Vec<(String, Array2<f32>, f64)>> {
+fn methods(
+    truth: ArrayView2<'_, f32>,
+    a: &Arguments,
+    dictionary: &Dictionary,
+    index: u64,
+) -> anyhow::Result<Vec<(String, Array2<f32>, f64)>> {
     let (h, w) = truth.dim();
     let mut rng = ChaCha8Rng::seed_from_u64(a.seed);
     rng.set_stream(index);
     let phase = [rng.random::<f64>(), rng.random::<f64>()];
-    let footprint = match a.options.footprint {
+    let footprint = match a.footprint {
         Footprint::Lenslet => sampling::Footprint::Disc(DEFAULT_PITCH),
         _ => sampling::Footprint::Bilinear,
     };
@@ -110,12 +116,12 @@ fn methods(truth: ArrayView2<'_, f32>, a: &Arguments, index: u64) -> anyhow::Res
         ("network", Mode::Network),
         ("best", Mode::Best),
     ];
-    let network = a.dictionary.models.iter().any(|m| m.patch_model.network.is_some());
+    let network = dictionary.models.iter().any(|m| m.patch_model.network.is_some());
     for (name, mode) in modes {
         if mode == Mode::Network && !network {
             continue;
         }
-        let reconstructor = Reconstructor::new(&a.dictionary, &Options { mode, ..a.options.clone() })?;
+        let reconstructor = Reconstructor::new(dictionary, &a.options(mode))?;
         add(name, &mut || Ok(reconstructor.reconstruct_plane(low.view(), &[])?))?;
     }
     // Again with the measured samples kept true, as decode does it.
@@ -124,7 +130,7 @@ fn methods(truth: ArrayView2<'_, f32>, a: &Arguments, index: u64) -> anyhow::Res
             && wanted(name)
         {
             let began = std::time::Instant::now();
-            let measured = SamplingOperator::new(placed.centres.clone(), a.options.footprint, DEFAULT_PITCH, (w, h))?;
+            let measured = SamplingOperator::new(placed.centres.clone(), a.footprint, DEFAULT_PITCH, (w, h))?;
             let (result, _) = back_project(&results[k].1, &measured, values.column(0), 3, &[])?;
             results.push((name.to_string(), result, began.elapsed().as_secs_f64()));
         }
@@ -134,7 +140,11 @@ fn methods(truth: ArrayView2<'_, f32>, a: &Arguments, index: u64) -> anyhow::Res
 
 #[allow(clippy::print_stdout)]
 fn main() -> anyhow::Result<()> {
-    let arguments = arguments()?;
+    let arguments = Arguments::parse();
+    let dictionary = match &arguments.dictionary {
+        Some(file) => dictionary::load(file)?,
+        None => embedded()?,
+    };
     let mut sums: BTreeMap<String, [f64; 3]> = BTreeMap::new();
     let mut order = Vec::new();
     let mut images = Vec::new();
@@ -144,7 +154,7 @@ fn main() -> anyhow::Result<()> {
         let truth = photo.luminance.slice(s![..h.min(SIDE), ..w.min(SIDE)]).to_owned();
         let mut entry = serde_json::Map::new();
         entry.insert("file".into(), path.display().to_string().into());
-        for (name, result, seconds) in methods(truth.view(), &arguments, index as u64)? {
+        for (name, result, seconds) in methods(truth.view(), &arguments, &dictionary, index as u64)? {
             let (psnr, ssim) = score(&result, &truth)?;
             entry.insert(name.clone(), json!({ "psnr": psnr, "ssim": ssim }));
             let sum = sums.entry(name.clone()).or_insert_with(|| {

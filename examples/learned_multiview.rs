@@ -7,7 +7,10 @@
 //! view compared with the truth. Prints one JSON object: PSNR (dB, sRGB-encoded, 12 pixels of border left out) of colour and of
 //! luminance, before and after, of the centre view; the mean, the least and the view of the least gain over all views.
 
-use anyhow::{Context, anyhow, bail};
+use std::path::PathBuf;
+
+use anyhow::Context as _;
+use clap::Parser as _;
 use lenslet_core::calibration;
 use lenslet_core::decode;
 use lenslet_core::dictionary::{self, Dictionary};
@@ -23,45 +26,32 @@ use serde_json::{Map, Value, json};
 
 const VIEWS: usize = 7;
 
+/// What learned reconstruction adds to multi-view refinement
+#[derive(clap::Parser)]
 struct Arguments {
-    dictionary: Option<Dictionary>,
+    /// Dictionary file (default: the embedded one for refined views)
+    #[arg(long)]
+    dictionary: Option<PathBuf>,
+    /// learned, fast, best, ridge, lasso or network
+    #[arg(long, default_value = "learned", value_parser = parse_mode)]
     mode: Mode,
+    /// Seed of camera, scene and noise
+    #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Strength of the noise, as in `simulate`
+    #[arg(long, default_value_t = 1.0)]
     noise: f64,
+    /// Side of the sensor, pixels
+    #[arg(long, default_value_t = 1144)]
     sensor: usize,
+    /// Scenes
+    #[arg(default_values = ["natural", "chart", "occluders", "planes"])]
     scenes: Vec<Kind>,
 }
 
-fn arguments() -> anyhow::Result<Arguments> {
-    let mut a =
-        Arguments { dictionary: None, mode: Mode::Learned, seed: 1, noise: 1.0, sensor: 1144, scenes: Vec::new() };
-    let mut arguments = std::env::args().skip(1);
-    while let Some(argument) = arguments.next() {
-        let mut value = || arguments.next().ok_or_else(|| anyhow!("{argument} needs a value"));
-        match argument.as_str() {
-            "--dictionary" => a.dictionary = Some(dictionary::load(std::path::Path::new(&value()?))?),
-            "--seed" => a.seed = value()?.parse().context("--seed takes a number")?,
-            "--noise" => a.noise = value()?.parse().context("--noise takes a number")?,
-            "--sensor" => a.sensor = value()?.parse().context("--sensor takes a number")?,
-            "--mode" => {
-                a.mode = match value()?.as_str() {
-                    "learned" => Mode::Learned,
-                    "fast" => Mode::Fast,
-                    "best" => Mode::Best,
-                    "ridge" => Mode::Ridge,
-                    "lasso" => Mode::Lasso,
-                    "network" => Mode::Network,
-                    other => bail!("mode {other}: learned, fast, best, ridge, lasso or network"),
-                }
-            }
-            other if other.starts_with("--") => bail!("unknown option {other}"),
-            name => a.scenes.push(name.parse().map_err(anyhow::Error::msg)?),
-        }
-    }
-    if a.scenes.is_empty() {
-        a.scenes = vec![Kind::Natural, Kind::Chart, Kind::Occluders, Kind::Planes];
-    }
-    Ok(a)
+fn parse_mode(name: &str) -> Result<Mode, String> {
+    let known = [Mode::Learned, Mode::Fast, Mode::Best, Mode::Ridge, Mode::Lasso, Mode::Network];
+    known.into_iter().find(|m| m.name() == name).ok_or_else(|| known.map(Mode::name).join(", "))
 }
 
 /// PSNR of colour and of luminance.
@@ -113,18 +103,14 @@ fn scored(kind: Kind, a: &Arguments, dictionary: &Dictionary) -> anyhow::Result<
 
 #[allow(clippy::print_stdout)]
 fn main() -> anyhow::Result<()> {
-    let a = arguments()?;
-    let embedded;
+    let a = Arguments::parse();
     let dictionary = match &a.dictionary {
-        Some(given) => given,
-        None => {
-            embedded = reconstruct::embedded_for(Interpolation::Multiview)?;
-            &embedded
-        }
+        Some(file) => dictionary::load(file)?,
+        None => reconstruct::embedded_for(Interpolation::Multiview)?,
     };
     let mut out = Map::new();
     for &kind in &a.scenes {
-        out.insert(kind.name().into(), scored(kind, &a, dictionary)?);
+        out.insert(kind.name().into(), scored(kind, &a, &dictionary)?);
     }
     println!("{}", Value::Object(out));
     Ok(())

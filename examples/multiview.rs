@@ -5,13 +5,14 @@
 //! pitch P (1080/328 pixels unless told) and recovered at their own size;
 //! `… -- hidden SAMPLES.npz` a real capture: PSNR on hidden lenslets, and how well views agree.
 //! Prints one JSON object. PSNR over all channels, SSIM of luminance, sRGB-encoded values, 12 pixels of border left out.
-//! `--size N` longer side of the views (1080), `--save DIR` pictures, arrays (linear light) and epipolar images, `--all` times all views, `--quick` leaves hidden
-//! lenslets and epipolar images out.
+//! `--size N` longer side of the views (1080), `--save DIR` pictures, arrays (linear light) and epipolar images, `--all` times
+//! all views, `--quick` leaves hidden lenslets and epipolar images out.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::{Context, anyhow, bail, ensure};
+use anyhow::{Context, ensure};
+use clap::Parser as _;
 use lenslet::apps::depth;
 use lenslet_core::decode::{HexSamples, npz};
 use lenslet_core::dictionary::Interpolation;
@@ -27,48 +28,41 @@ use serde_json::{Map, Value, json};
 
 const METHODS: [&str; 4] = ["barycentric", "cubic", "multiview", "learned"];
 
+/// What multi-view refinement gains, and learned reconstruction on top of it
+#[derive(clap::Parser)]
 struct Arguments {
-    task: String,
-    files: Vec<PathBuf>,
+    #[command(subcommand)]
+    task: Task,
+    /// Longer side of the views, pixels
+    #[arg(long, default_value_t = 1080, global = true)]
     size: usize,
-    pitch: f64,
-    disparity: Option<PathBuf>,
+    /// Write pictures, arrays and epipolar images
+    #[arg(long, value_name = "DIR", global = true)]
     save: Option<PathBuf>,
+    /// Time all views
+    #[arg(long, global = true)]
     all: bool,
+    /// Leave out hidden lenslets and epipolar images
+    #[arg(long, global = true)]
     quick: bool,
 }
 
-fn arguments() -> anyhow::Result<Arguments> {
-    let mut out = Arguments {
-        task: String::new(),
-        files: Vec::new(),
-        size: 1080,
-        pitch: DEFAULT_PITCH,
-        disparity: None,
-        save: None,
-        all: false,
-        quick: false,
-    };
-    let mut arguments = std::env::args().skip(1);
-    while let Some(argument) = arguments.next() {
-        let mut value = || arguments.next().ok_or_else(|| anyhow!("{argument} needs a value"));
-        match argument.as_str() {
-            "--size" => out.size = value()?.parse().context("--size takes a number")?,
-            "--pitch" => out.pitch = value()?.parse().context("--pitch takes a number")?,
-            "--truth-disparity" => out.disparity = Some(value()?.into()),
-            "--save" => out.save = Some(value()?.into()),
-            "--all" => out.all = true,
-            "--quick" => out.quick = true,
-            other if other.starts_with("--") => bail!("unknown option {other}"),
-            _ if out.task.is_empty() => out.task = argument,
-            _ => out.files.push(argument.into()),
-        }
-    }
-    ensure!(
-        matches!((out.task.as_str(), out.files.len()), ("planes", 2) | ("field" | "hidden", 1)),
-        "usage: multiview planes TRUTH_DIR SAMPLES.npz | field LIGHT_FIELD | hidden SAMPLES.npz"
-    );
-    Ok(out)
+#[derive(clap::Subcommand)]
+enum Task {
+    /// A simulated capture against its truth
+    Planes { truth: PathBuf, samples: PathBuf },
+    /// Views of any light field, sampled on a hexagonal lattice and recovered at their own size
+    Field {
+        field: PathBuf,
+        /// Pitch of the lattice, pixels
+        #[arg(long, default_value_t = DEFAULT_PITCH)]
+        pitch: f64,
+        /// True disparity, of the HCI benchmark's sign
+        #[arg(long, value_name = "GT.pfm")]
+        truth_disparity: Option<PathBuf>,
+    },
+    /// A real capture without a truth
+    Hidden { samples: PathBuf },
 }
 
 /// The views `wanted` by each method, and what was found on the way.
@@ -229,7 +223,7 @@ fn sampled(field: &LightField, pitch: f64) -> anyhow::Result<HexSamples> {
     })
 }
 
-fn resampled(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
+fn resampled(path: &Path, pitch: f64, truth_disparity: Option<&Path>, a: &Arguments) -> anyhow::Result<Value> {
     let mut field = lightfield::load(path, &ReadOptions::default())?;
     let wanted = scored(field.meta.views[0]);
     let mut truths = Vec::new();
@@ -240,7 +234,7 @@ fn resampled(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
     }
     colour::convert(&mut field.data, field.meta.colour, ColourSpace::Linear);
     field.meta.colour = ColourSpace::Linear;
-    let samples = sampled(&field, a.pitch)?;
+    let samples = sampled(&field, pitch)?;
     let target = Target { width: samples.sensor.0, height: samples.sensor.1 };
     let rendered = render(&samples, &target, &wanted)?;
     save(&rendered, Some(&truths[0]), &samples, a)?;
@@ -249,7 +243,7 @@ fn resampled(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
         "scores": scores(&rendered, &truths)?,
         "seconds": { "disparity": rendered.seconds[0], "views": rendered.seconds[1] },
     });
-    if let Some(path) = &a.disparity {
+    if let Some(path) = truth_disparity {
         // The benchmark counts disparity the other way round.
         let truth = pfm::from_bytes(&std::fs::read(path)?)?.mapv(|d| -d);
         out["disparity"] = disparity_errors(&rendered.disparity, &truth, &truths[0]);
@@ -356,13 +350,16 @@ fn timed(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
 
 #[allow(clippy::print_stdout)]
 fn main() -> anyhow::Result<()> {
-    let a = arguments()?;
-    let first = &a.files[0];
-    let found = match a.task.as_str() {
-        _ if a.all => timed(a.files.last().unwrap_or(first), &a)?,
-        "planes" => simulated(first, &a.files[1], &a)?,
-        "field" => resampled(first, &a)?,
-        _ => real(first, &a)?,
+    let a = Arguments::parse();
+    let found = match &a.task {
+        Task::Planes { samples: file, .. } | Task::Field { field: file, .. } | Task::Hidden { samples: file }
+            if a.all =>
+        {
+            timed(file, &a)?
+        }
+        Task::Planes { truth, samples } => simulated(truth, samples, &a)?,
+        Task::Field { field, pitch, truth_disparity } => resampled(field, *pitch, truth_disparity.as_deref(), &a)?,
+        Task::Hidden { samples } => real(samples, &a)?,
     };
     println!("{found}");
     Ok(())

@@ -5,9 +5,10 @@
 //! `bound` is the time of the product DᵀY alone (features of all patches with all atoms or anchors), measured here on the same
 //! machine; `times_bound` is how far a row is from it. Prints one JSON object.
 
-use std::path::Path;
+use std::path::PathBuf;
 
-use anyhow::{anyhow, bail, ensure};
+use anyhow::anyhow;
+use clap::Parser as _;
 use lenslet_core::dictionary::{self, Footprint, PatchPredictor, PlaneReconstructor, ReconstructionOptions};
 use lenslet_core::linalg;
 use lenslet_core::metrics::{BORDER, Scores, Window};
@@ -18,6 +19,25 @@ use ndarray::{Array2, Axis, s};
 use serde_json::{Value, json};
 
 const SIDE: usize = 1080;
+
+/// Quality against time of learned reconstruction
+#[derive(clap::Parser)]
+struct Arguments {
+    /// Dictionary file (default: the embedded one)
+    #[arg(long)]
+    dictionary: Option<PathBuf>,
+    /// What a sample is: point or lenslet
+    #[arg(long, default_value = "point", value_parser = parse_footprint)]
+    footprint: Footprint,
+    /// Photos
+    #[arg(required = true)]
+    images: Vec<PathBuf>,
+}
+
+fn parse_footprint(name: &str) -> Result<Footprint, String> {
+    let known = [Footprint::Point, Footprint::Lenslet];
+    known.into_iter().find(|f| f.to_string() == name).ok_or_else(|| "point or lenslet".to_owned())
+}
 
 /// Name, predictor, step, λ (the trained one where None), copies averaged.
 type Row = (&'static str, PatchPredictor, usize, Option<f32>, usize);
@@ -58,31 +78,14 @@ fn product(n: usize, m: usize, k: usize) -> f64 {
 
 #[allow(clippy::print_stdout)]
 fn main() -> anyhow::Result<()> {
-    let (mut dictionary, mut footprint, mut images) = (None, Footprint::Point, Vec::new());
-    let mut arguments = std::env::args().skip(1);
-    while let Some(argument) = arguments.next() {
-        let mut value = || arguments.next().ok_or_else(|| anyhow!("{argument} needs a value"));
-        match argument.as_str() {
-            "--dictionary" => dictionary = Some(dictionary::load(Path::new(&value()?))?),
-            "--footprint" => {
-                footprint = match value()?.as_str() {
-                    "point" => Footprint::Point,
-                    "lenslet" => Footprint::Lenslet,
-                    other => bail!("footprint {other}: point or lenslet"),
-                }
-            }
-            other if other.starts_with("--") => bail!("unknown option {other}"),
-            _ => images.push(argument),
-        }
-    }
-    ensure!(!images.is_empty(), "usage: quality_time [--dictionary FILE] [--footprint point|lenslet] IMAGE…");
-    let dictionary = dictionary.map_or_else(embedded, Ok)?;
+    let Arguments { dictionary, footprint, images } = Arguments::parse();
+    let dictionary = dictionary.map_or_else(embedded, |file| dictionary::load(&file))?;
     let model = dictionary.model(footprint).ok_or_else(|| anyhow!("the dictionary holds no model"))?;
 
     let mut planes = Vec::new();
     let mut megapixels = 0.0;
     for path in &images {
-        let photo = load_photo(Path::new(path), 2 * BORDER + 16)?;
+        let photo = load_photo(path, 2 * BORDER + 16)?;
         let (h, w) = photo.luminance.dim();
         let truth = photo.luminance.slice(s![..h.min(SIDE), ..w.min(SIDE)]).to_owned();
         let (h, w) = truth.dim();

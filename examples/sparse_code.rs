@@ -1,51 +1,63 @@
-//! Times sparse coding: `sparse_code D.npy Y.npy LAMBDA [--threads N] [--tol T] [--objectives FILE.npy] [--solver NAME]`
-//! [--nonzeros T] [--nonnegative] [--weights W.npy] [--repeats R] prints one JSON object, times being medians over the
+//! Times sparse coding: `sparse_code D.npy Y.npy LAMBDA [--threads N] [--tol T] [--objectives FILE.npy] [--solver NAME]
+//! [--nonzeros T] [--nonnegative] [--weights W.npy] [--repeats R]` prints one JSON object, times being medians over the
 //! repeats (see docs/sparse-coding.md).
 
-use anyhow::{Context, anyhow, bail};
+use anyhow::{Context, bail};
+use clap::Parser as _;
 use lenslet_core::sparse::{self, Options, Penalty, Solver};
 use ndarray::{Array1, Array2};
 use std::time::Instant;
 
-fn main() -> anyhow::Result<()> {
-    let mut plain = Vec::new();
-    let (mut threads, mut objectives_file, mut repeats) = (1usize, None, 1usize);
-    let mut options = Options::default();
-    let (mut nonzeros, mut weights) = (None, None);
-    let mut args = std::env::args().skip(1);
-    while let Some(arg) = args.next() {
-        let mut value = || args.next().ok_or_else(|| anyhow!("{arg} needs a value"));
-        match arg.as_str() {
-            "--threads" => threads = value()?.parse().context("--threads takes a number")?,
-            "--tol" => options.tolerance = value()?.parse().context("--tol takes a number")?,
-            "--repeats" => repeats = value()?.parse().context("--repeats takes a number")?,
-            "--nonzeros" => nonzeros = Some(value()?.parse().context("--nonzeros takes a number")?),
-            "--nonnegative" => options.nonnegative = true,
-            "--weights" => weights = Some(value()?),
-            "--objectives" => objectives_file = Some(value()?),
-            "--solver" => options.solver = solver(&value()?)?,
-            other if other.starts_with("--") => bail!("unknown option {other}"),
-            _ => plain.push(arg),
-        }
-    }
-    let [atoms, signals, lambda] = plain.as_slice() else {
-        bail!("usage: sparse_code D.npy Y.npy LAMBDA [--threads N] [--tol T] [--objectives FILE.npy] [--solver NAME]");
-    };
-    let atoms: Array2<f32> = ndarray_npy::read_npy(atoms).with_context(|| format!("cannot read {atoms}"))?;
-    let signals: Array2<f32> = ndarray_npy::read_npy(signals).with_context(|| format!("cannot read {signals}"))?;
-    let weights: Option<Array2<f32>> = match &weights {
-        Some(file) => Some(ndarray_npy::read_npy(file).with_context(|| format!("cannot read {file}"))?),
-        None => None,
-    };
-    options.penalty = match nonzeros {
-        Some(most) => Penalty::NonZeros(most),
-        None => Penalty::Lambda(lambda.parse().context("LAMBDA is a number")?),
-    };
+/// Times sparse coding
+#[derive(clap::Parser)]
+struct Arguments {
+    /// Atoms, K×m, one a row, of unit norm
+    atoms: String,
+    /// Signals, N×m, one a row
+    signals: String,
+    /// λ of min ½‖Dφ − y‖² + λ‖φ‖₁
+    lambda: f32,
+    /// Threads
+    #[arg(long, default_value_t = 1)]
+    threads: usize,
+    /// Tolerance
+    #[arg(long)]
+    tol: Option<f64>,
+    /// Times are medians over so many solutions
+    #[arg(long, default_value_t = 1)]
+    repeats: usize,
+    /// At most so many non-zeros a signal, instead of λ
+    #[arg(long)]
+    nonzeros: Option<usize>,
+    /// Codes without negative values
+    #[arg(long)]
+    nonnegative: bool,
+    /// Weights, N×m
+    #[arg(long)]
+    weights: Option<String>,
+    /// Where to write the objective of each signal
+    #[arg(long, value_name = "FILE.npy")]
+    objectives: Option<String>,
+    /// auto, active-set, cd, ista, fista, homotopy or omp
+    #[arg(long, default_value = "auto", value_parser = parse_solver)]
+    solver: Solver,
+}
 
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
+fn main() -> anyhow::Result<()> {
+    let a = Arguments::parse();
+    let read = |file: &str| -> anyhow::Result<Array2<f32>> {
+        ndarray_npy::read_npy(file).with_context(|| format!("cannot read {file}"))
+    };
+    let (atoms, signals) = (read(&a.atoms)?, read(&a.signals)?);
+    let weights = a.weights.as_deref().map(read).transpose()?;
+    let penalty = a.nonzeros.map_or(Penalty::Lambda(a.lambda), Penalty::NonZeros);
+    let mut options = Options { penalty, solver: a.solver, nonnegative: a.nonnegative, ..Options::default() };
+    options.tolerance = a.tol.unwrap_or(options.tolerance);
+
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(a.threads).build()?;
     let (mut walls, mut cpus) = (Vec::new(), Vec::new());
     let mut solved = None;
-    for _ in 0..repeats.max(1) {
+    for _ in 0..a.repeats.max(1) {
         let (wall, cpu) = (Instant::now(), cpu_seconds());
         let dictionary = sparse::prepare(atoms.view())?;
         let codes = pool.install(|| match &weights {
@@ -59,7 +71,7 @@ fn main() -> anyhow::Result<()> {
     let Some((dictionary, codes)) = solved else { bail!("nothing was solved") };
     let objectives = codes.objectives(&dictionary, signals.view())?;
     let mean = objectives.iter().sum::<f64>() / objectives.len().max(1) as f64;
-    if let Some(file) = &objectives_file {
+    if let Some(file) = &a.objectives {
         ndarray_npy::write_npy(file, &Array1::from(objectives)).with_context(|| format!("cannot write {file}"))?;
     }
     let (wall, cpu) = (median(&mut walls), median(&mut cpus));
@@ -75,7 +87,7 @@ fn main() -> anyhow::Result<()> {
         "redone_in_f64": codes.redone_in_f64,
         "converged": codes.all_converged(),
     });
-    if let (Some(file), Some(map)) = (objectives_file, json.as_object_mut()) {
+    if let (Some(file), Some(map)) = (a.objectives, json.as_object_mut()) {
         map.insert("objectives_file".into(), file.into());
     }
     #[allow(clippy::print_stdout)]
@@ -85,7 +97,7 @@ fn main() -> anyhow::Result<()> {
     Ok(())
 }
 
-fn solver(name: &str) -> anyhow::Result<Solver> {
+fn parse_solver(name: &str) -> Result<Solver, String> {
     Ok(match name {
         "auto" => Solver::Auto,
         "active-set" => Solver::ActiveSet,
@@ -94,7 +106,7 @@ fn solver(name: &str) -> anyhow::Result<Solver> {
         "fista" => Solver::Fista,
         "homotopy" => Solver::Homotopy,
         "omp" => Solver::Omp,
-        _ => bail!("--solver is one of auto, active-set, cd, ista, fista, homotopy, omp"),
+        _ => return Err("one of auto, active-set, cd, ista, fista, homotopy, omp".into()),
     })
 }
 

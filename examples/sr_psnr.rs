@@ -7,43 +7,39 @@
 //! peak is 255. Prints one JSON object: mean PSNR in dB and wall seconds an image by method, and the images.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use anyhow::{Context, anyhow, bail, ensure};
+use anyhow::{Context, ensure};
+use clap::Parser as _;
 use image::DynamicImage;
-use lenslet_core::dictionary::{self, Dictionary, Footprint};
+use lenslet_core::dictionary::{self, Footprint};
 use lenslet_core::sampling::bicubic;
 use lenslet_data_gen::pairs::{Kernel, reduce};
 use lenslet_views::reconstruct::{Mode, Options, Reconstructor};
 use ndarray::{Array2, Axis, s};
 use serde_json::{Value, json};
 
+/// Scores plain super-resolution of rectangular grids
+#[derive(clap::Parser)]
 struct Arguments {
-    dictionary: Dictionary,
+    /// Dictionary file
+    #[arg(long)]
+    dictionary: PathBuf,
+    /// Enlargement (default: the dictionary's pitch)
+    #[arg(long)]
     scale: Option<usize>,
-    options: Options,
+    /// Pixels between patches
+    #[arg(long)]
+    step: Option<usize>,
+    /// Copies averaged: 1, 2 or 4
+    #[arg(long)]
+    ensemble: Option<usize>,
+    /// λ instead of the trained one
+    #[arg(long)]
+    lambda: Option<f32>,
+    /// Photos
+    #[arg(required = true)]
     images: Vec<PathBuf>,
-}
-
-fn arguments() -> anyhow::Result<Arguments> {
-    let mut options = Options { footprint: Footprint::Grid, ..Options::default() };
-    let (mut file, mut scale, mut images) = (None, None, Vec::new());
-    let mut given = std::env::args().skip(1);
-    while let Some(argument) = given.next() {
-        let mut value = || given.next().ok_or_else(|| anyhow!("{argument} needs a value"));
-        match argument.as_str() {
-            "--dictionary" => file = Some(value()?),
-            "--scale" => scale = Some(value()?.parse().context("--scale takes a whole number")?),
-            "--step" => options.step = Some(value()?.parse().context("--step takes a number")?),
-            "--ensemble" => options.ensemble = Some(value()?.parse().context("--ensemble takes a number")?),
-            "--lambda" => options.lambda = Some(value()?.parse().context("--lambda takes a number")?),
-            other if other.starts_with("--") => bail!("unknown option {other}"),
-            _ => images.push(PathBuf::from(argument)),
-        }
-    }
-    let file = file.context("usage: sr_psnr --dictionary FILE [--scale N] IMAGE…")?;
-    ensure!(!images.is_empty(), "usage: sr_psnr --dictionary FILE [--scale N] IMAGE…");
-    Ok(Arguments { dictionary: dictionary::load(Path::new(&file))?, scale, options, images })
 }
 
 /// Luminance in whole 8-bit steps, 0 to 255.
@@ -73,11 +69,14 @@ fn psnr(result: &Array2<f32>, truth: &Array2<f32>, border: usize) -> f64 {
 
 #[allow(clippy::print_stdout)]
 fn main() -> anyhow::Result<()> {
-    let a = arguments()?;
+    let a = Arguments::parse();
+    let dictionary = dictionary::load(&a.dictionary)?;
+    let Arguments { step, ensemble, lambda, .. } = a;
+    let options = Options { footprint: Footprint::Grid, step, ensemble, lambda, ..Options::default() };
     let modes = [("ridge", Mode::Ridge), ("fast", Mode::Fast), ("learned", Mode::Learned), ("best", Mode::Best)];
     let mut methods = Vec::new();
     for (name, mode) in modes {
-        methods.push((name, Reconstructor::new(&a.dictionary, &Options { mode, ..a.options.clone() })?));
+        methods.push((name, Reconstructor::new(&dictionary, &Options { mode, ..options.clone() })?));
     }
     let scale = a.scale.unwrap_or(methods[0].1.model().pitch.round() as usize);
     ensure!((2..=8).contains(&scale), "--scale {scale} is out of range (2 to 8)");

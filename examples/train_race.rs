@@ -12,6 +12,7 @@ use std::path::PathBuf;
 use std::process::Command;
 
 use anyhow::{Context, anyhow, bail};
+use clap::Parser as _;
 use lenslet_core::sparse::{self, Options, Penalty, Solver};
 use lenslet_train::{ksvd, online};
 use ndarray::{Array1, Array2, Axis};
@@ -21,51 +22,35 @@ use serde_json::{Value, json};
 
 const LAMBDA: f32 = 0.1;
 
+/// Races dictionary learning against another program
+#[derive(clap::Parser)]
 struct Arguments {
+    /// Folder of the data
     folder: PathBuf,
+    /// online or ksvd
+    #[arg(long, default_value = "online", value_parser = ["online", "ksvd"])]
     algorithm: String,
+    /// Epochs a round
+    #[arg(long, default_value_t = 2)]
     epochs: usize,
+    /// Signals a mini-batch
+    #[arg(long, default_value_t = 512)]
     batch: usize,
+    /// Atoms a signal, of K-SVD and of the score
+    #[arg(long, default_value_t = 8)]
     nonzeros: usize,
+    /// Threads
+    #[arg(long, default_value_t = 1)]
     threads: usize,
+    /// Rounds
+    #[arg(long, default_value_t = 1)]
     rounds: usize,
+    /// Shell command of the other program
+    #[arg(long, value_name = "COMMAND")]
     against: Option<String>,
+    /// Where to write the atoms
+    #[arg(long, value_name = "D.npy")]
     out: Option<PathBuf>,
-}
-
-fn arguments() -> anyhow::Result<Arguments> {
-    let mut a = Arguments {
-        folder: PathBuf::new(),
-        algorithm: "online".into(),
-        epochs: 2,
-        batch: 512,
-        nonzeros: 8,
-        threads: 1,
-        rounds: 1,
-        against: None,
-        out: None,
-    };
-    let mut given = std::env::args().skip(1);
-    while let Some(argument) = given.next() {
-        let mut value = || given.next().ok_or_else(|| anyhow!("{argument} needs a value"));
-        let number = |text: String| text.parse::<usize>().with_context(|| format!("{argument} takes a number"));
-        match argument.as_str() {
-            "--algorithm" => a.algorithm = value()?,
-            "--epochs" => a.epochs = number(value()?)?,
-            "--batch" => a.batch = number(value()?)?,
-            "--nonzeros" => a.nonzeros = number(value()?)?,
-            "--threads" => a.threads = number(value()?)?,
-            "--rounds" => a.rounds = number(value()?)?,
-            "--against" => a.against = Some(value()?),
-            "--out" => a.out = Some(value()?.into()),
-            other if other.starts_with("--") => bail!("unknown option {other}"),
-            _ => a.folder = argument.into(),
-        }
-    }
-    if a.folder.as_os_str().is_empty() || !matches!(a.algorithm.as_str(), "online" | "ksvd") {
-        bail!("usage: train_race DIR [--algorithm online|ksvd] [--epochs N] [--rounds N] [--against COMMAND]");
-    }
-    Ok(a)
 }
 
 struct Race {
@@ -109,7 +94,7 @@ fn cpu_seconds() -> f64 {
 
 #[allow(clippy::print_stdout)]
 fn main() -> anyhow::Result<()> {
-    let a = arguments()?;
+    let a = Arguments::parse();
     let race = load(&a.folder)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(a.threads).build()?;
     let mut ratios: Vec<f64> = Vec::new();

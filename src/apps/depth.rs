@@ -6,7 +6,16 @@ use ndarray::{Array2, ArrayView2};
 use super::error::{Error, ensure_shape};
 use crate::image_io::Picture;
 
-/// Colours from deep blue (`range.0`) over green to yellow (`range.1`), even in brightness.
+/// Values (t, s) as colours from deep blue (`range.0`) over green to yellow (`range.1`), their brightness rising evenly;
+/// values outside take the colour of the nearer end, those that are no numbers that of `range.0`.
+///
+/// ```
+/// use lenslet::apps::depth::colour_map;
+/// use ndarray::array;
+///
+/// let picture = colour_map(&array![[0.0_f32, 1.0]].view(), (0.0, 1.0));
+/// assert_eq!(picture.rgb, [48, 18, 92, 253, 245, 160]);
+/// ```
 pub fn colour_map(values: &ArrayView2<f32>, range: (f32, f32)) -> Picture {
     const STOPS: [[f32; 3]; 6] = [
         [48.0, 18.0, 92.0],
@@ -29,11 +38,24 @@ pub fn colour_map(values: &ArrayView2<f32>, range: (f32, f32)) -> Picture {
     Picture { width, height, rgb }
 }
 
-/// A binary PLY point cloud: x right, y up, z towards the viewer, in pixels of the view, `depth` pixels from the furthest to
-/// the nearest; colour and confidence at each point. Points less confident than `least` are left out.
+/// A binary PLY point cloud: x right, y up, z towards the viewer, in pixels of the view, `depth` pixels from the furthest
+/// (smallest or largest disparity, by `order`) to the nearest; colour and confidence at each point. Points less confident than `least` are left out.
 ///
 /// # Errors
-/// When the sizes differ.
+/// [`Error::Shape`] when the sizes differ.
+///
+/// ```
+/// use lenslet::apps::depth::{colour_map, point_cloud_ply};
+/// use lenslet::disparity::DepthOrder;
+/// use ndarray::array;
+///
+/// let disparity = array![[-1.0_f32, 0.5]];
+/// let picture = colour_map(&disparity.view(), (-1.0, 0.5));
+/// let confidence = array![[1.0, 0.1]];
+/// let ply = point_cloud_ply(&disparity, &confidence, &picture, DepthOrder::default(), 100.0, 0.2)?;
+/// assert!(String::from_utf8_lossy(&ply).contains("element vertex 1\n"));
+/// # Ok::<(), lenslet::apps::Error>(())
+/// ```
 pub fn point_cloud_ply(
     disparity: &Array2<f32>,
     confidence: &Array2<f32>,

@@ -9,10 +9,16 @@ use super::error::{Error, ensure_parameter, ensure_shape};
 
 /// Rows of the picture made together: every row of a view is fetched once for the four output rows it enters, and the sums
 /// of a band stay in the cache of a core.
+/// Source: chosen.
 const BAND: usize = 16;
 
-/// Which views count how much.
+/// Mean squared difference from the middle view at which a view counts half in [`all_in_focus`]: 5 % of white, squared.
+/// Source: chosen.
+const HALF_WEIGHT: f32 = 0.0025;
+
+/// The shape of an aperture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum ApertureShape {
     /// Within a circle around the middle view.
     #[default]
@@ -22,7 +28,15 @@ pub enum ApertureShape {
 }
 
 /// Weights (v, u) of the views through an aperture of `size` (0: the middle view alone, 1: as far as the outermost view
-/// along an axis), with a soft rim half a view step wide.
+/// along an axis; values outside are cut), with a soft rim half a view step wide.
+///
+/// ```
+/// use lenslet::apps::refocus::{ApertureShape, aperture_weights};
+///
+/// let closed = aperture_weights((3, 3), 0.0, ApertureShape::Round);
+/// assert_eq!((closed[[1, 1]], closed.sum()), (1.0, 1.0));
+/// assert_eq!(aperture_weights((3, 3), 1.0, ApertureShape::Square).sum(), 9.0);
+/// ```
 pub fn aperture_weights(views: (usize, usize), size: f32, shape: ApertureShape) -> Array2<f32> {
     let (cv, cu) = ((views.0 / 2) as f32, (views.1 / 2) as f32);
     let reach = cv.max(cu);
@@ -35,10 +49,24 @@ pub fn aperture_weights(views: (usize, usize), size: f32, shape: ApertureShape) 
 }
 
 /// Refocuses the light field (v, u, t, s, c) at `disparity` (output pixels per view step) with the view weights `aperture`.
-/// Pixels that a shifted view does not reach take the mean of the others. Shape (t, s, c).
+/// Pixels that a shifted view does not reach take the mean of the others. Shape (t, s, c). Values are in linear light, as
+/// [`super::to_linear_light`] makes them.
 ///
 /// # Errors
-/// Weights of another shape, negative or all zero; a disparity that is not a number.
+/// [`Error::Shape`] for weights of another shape or a light field not in standard layout, [`Error::Parameter`] for weights
+/// that are negative or all zero and for a disparity that is not a number.
+///
+/// ```
+/// use lenslet::apps::refocus::{ApertureShape, aperture_weights, refocus};
+/// use ndarray::{Array5, s};
+///
+/// // A ramp that moves by one pixel a view: at disparity 1 all views agree.
+/// let field = Array5::from_shape_fn((3, 3, 8, 12, 1), |(_, u, _, s, _)| s as f32 - (u as f32 - 1.0));
+/// let weights = aperture_weights((3, 3), 1.0, ApertureShape::Square);
+/// let image = refocus(&field.view(), 1.0, &weights.view())?;
+/// assert_eq!(image[[4, 5, 0]], field[[1, 1, 4, 5, 0]]);
+/// # Ok::<(), lenslet::apps::Error>(())
+/// ```
 pub fn refocus(data: &ArrayView5<f32>, disparity: f32, aperture: &ArrayView2<f32>) -> Result<Array3<f32>, Error> {
     let (rows, columns, height, width, channels) = data.dim();
     check(data, aperture)?;
@@ -133,10 +161,11 @@ fn add_rows(view: &ArrayView3<f32>, y: f32, a: f32, sum: &mut [f32]) {
     }
 }
 
-/// Every pixel refocused at its own disparity (t, s): views that see something else there (in front of it) count less.
+/// Every pixel refocused at its own disparity (t, s); views that differ there from the middle view (something hides the
+/// point) count less. Shape (t, s, c).
 ///
 /// # Errors
-/// As [`refocus`]; a disparity map of another size.
+/// As [`refocus`]; [`Error::Shape`] for a disparity map of another size.
 pub fn all_in_focus(
     data: &ArrayView5<f32>,
     disparity: &ArrayView2<f32>,
@@ -175,8 +204,7 @@ pub fn all_in_focus(
                     value[k] = upper * (1.0 - fy) + lower * fy;
                     off += (value[k] - own[k]).powi(2);
                 }
-                // Differences of 5 % of white count half.
-                let w = a / (1.0 + off / (channels as f32 * 0.0025));
+                let w = a / (1.0 + off / (channels as f32 * HALF_WEIGHT));
                 sum += w;
                 for (p, v) in pixel.iter_mut().zip(&value) {
                     *p += w * v;
@@ -213,7 +241,7 @@ fn check(data: &ArrayView5<f32>, aperture: &ArrayView2<f32>) -> Result<(), Error
 /// The disparity of what lies at pixel (`x`, `y`) of the middle view, from the surroundings of that pixel alone.
 ///
 /// # Errors
-/// A point outside of the views; what [`disparity::estimate`] refuses.
+/// [`Error::Parameter`] for a point outside of the views, [`Error::Disparity`] as [`disparity::estimate`] has it.
 pub fn disparity_at(
     data: &ArrayView5<f32>,
     (x, y): (f32, f32),
@@ -231,7 +259,7 @@ pub fn disparity_at(
     let (y0, y1) = (cy.saturating_sub(margin), (cy + margin + 1).min(height));
     let part = data.slice(s![.., .., y0..y1, x0..x1, ..]);
     let found = disparity::estimate(&part, options, observer)?;
-    // The most confident pixel close by speaks for the point; nearness counts too.
+    // The disparity of the best pixel close by: confidence times a Gaussian of the distance (4 pixels).
     let (px, py) = (x - x0 as f32, y - y0 as f32);
     let mut best = (f32::NEG_INFINITY, 0f32);
     for ((t, s), &d) in found.disparity.indexed_iter() {
@@ -244,7 +272,7 @@ pub fn disparity_at(
     Ok(best.1)
 }
 
-/// How sharp an image is: mean squared difference of neighbouring luminances.
+/// How sharp an image (t, s, c) is: mean squared difference of the luminances of neighbouring pixels.
 pub fn sharpness(image: &ArrayView3<f32>) -> f64 {
     let (height, width, channels) = image.dim();
     let y = |t: usize, s: usize| {

@@ -1,4 +1,5 @@
-//! Views from between the views: each pixel's disparity tells where the neighbouring views saw the same point.
+//! Views from between the views: every pixel is the mean of the four neighbouring views, each read where its disparity puts
+//! the same scene point.
 
 use ndarray::{Array2, Array3, ArrayView5};
 use rayon::prelude::*;
@@ -9,6 +10,7 @@ use super::error::{Error, ensure_parameter, ensure_shape};
 
 /// How the viewpoint moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum ViewpointPath {
     /// Around the middle view.
     Circle,
@@ -18,7 +20,14 @@ pub enum ViewpointPath {
     Vertical,
 }
 
-/// `frames` viewpoints (u, v) from the middle view, `radius` view steps away at most; the last joins the first.
+/// `frames` viewpoints (u, v) from the middle view, `radius` view steps away at most; the last is followed by the first.
+///
+/// ```
+/// use lenslet::apps::viewpoint::{ViewpointPath, viewpoints_along};
+///
+/// let list = viewpoints_along(ViewpointPath::Circle, 2.0, 12);
+/// assert_eq!((list.len(), list[0]), (12, [2.0, 0.0]));
+/// ```
 pub fn viewpoints_along(path: ViewpointPath, radius: f32, frames: usize) -> Vec<[f32; 2]> {
     (0..frames)
         .map(|k| {
@@ -33,10 +42,24 @@ pub fn viewpoints_along(path: ViewpointPath, radius: f32, frames: usize) -> Vec<
 }
 
 /// The view from (`u`, `v`) view steps right of and below the middle view of `data` (v, u, t, s, c), `disparity` being the
-/// middle view's (t, s); what has the disparity `hold` stays where it is in the frame. Shape (t, s, c).
+/// middle view's (t, s), nearer by `order`; what has the disparity `hold` stays where it is in the frame. Shape (t, s, c).
 ///
 /// # Errors
-/// A viewpoint outside of the views; a disparity map of another size.
+/// [`Error::Parameter`] for a viewpoint outside of the views or a `hold` that is not a number, [`Error::Shape`] for a
+/// disparity map of another size.
+///
+/// ```
+/// use lenslet::apps::viewpoint::render_between_views;
+/// use lenslet::disparity::DepthOrder;
+/// use ndarray::{Array2, Array5};
+///
+/// // A ramp that moves by one pixel a view, seen from half a view to the right.
+/// let field = Array5::from_shape_fn((3, 3, 8, 12, 1), |(_, u, _, s, _)| s as f32 - (u as f32 - 1.0));
+/// let disparity = Array2::from_elem((8, 12), 1.0);
+/// let view = render_between_views(&field.view(), &disparity, DepthOrder::NearerIsSmaller, [0.5, 0.0], 0.0)?;
+/// assert_eq!(view[[4, 6, 0]], 5.5);
+/// # Ok::<(), lenslet::apps::Error>(())
+/// ```
 pub fn render_between_views(
     data: &ArrayView5<f32>,
     disparity: &Array2<f32>,

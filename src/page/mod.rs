@@ -15,6 +15,10 @@ pub fn base64_of(bytes: &[u8]) -> String {
 }
 
 /// Text made safe for HTML, in elements and in quoted attributes.
+///
+/// ```
+/// assert_eq!(lenslet::page::escape_html("a < b & \"c\""), "a &lt; b &amp; &quot;c&quot;");
+/// ```
 pub fn escape_html(text: &str) -> String {
     let mut out = String::with_capacity(text.len() + 8);
     for c in text.chars() {
@@ -30,7 +34,8 @@ pub fn escape_html(text: &str) -> String {
     out
 }
 
-/// Content policy of a page with the given inline script and style: these two and embedded pictures, nothing else.
+/// The content-security policy of a page with the given inline script and style: it allows these two, by their SHA-256, and
+/// embedded pictures, nothing else.
 pub fn content_security_policy(script: &str, style: &str) -> String {
     let hash = |text: &str| STANDARD.encode(Sha256::digest(text.as_bytes()));
     format!(
@@ -40,8 +45,8 @@ pub fn content_security_policy(script: &str, style: &str) -> String {
     )
 }
 
-/// A whole HTML document with its title (any text), one style, a body of HTML and the script at its end; its policy lets
-/// nothing else in.
+/// A whole HTML document with its title (any text, escaped here), one style, a body of HTML and the script at its end, under
+/// the [`content_security_policy`] of the two.
 pub fn html_document(title: &str, style: &str, body: &str, script: &str) -> String {
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n\

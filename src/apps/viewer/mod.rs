@@ -1,5 +1,5 @@
-//! The viewer: a light field as one HTML file that loads nothing from outside. Refocusing and perspective in WebGL2, a plain
-//! canvas where there is none.
+//! The viewer page: a light field as one HTML file that loads nothing from outside. Refocusing and perspective in WebGL2, in a
+//! plain canvas where there is none.
 
 use lenslet_views::disparity::DepthOrder;
 use ndarray::{Array2, ArrayView5, s};
@@ -34,7 +34,7 @@ pub struct ViewerContent {
     pub order: DepthOrder,
 }
 
-/// Shrinks the views of a light field (v, u, t, s, c) in linear light to at most `side` pixels.
+/// Views of a light field (v, u, t, s, c) in linear light as pictures of at most `side` pixels, under the name `name`.
 pub fn shrink_views(name: &str, data: &ArrayView5<f32>, side: usize) -> ViewSet {
     let (rows, columns, ..) = data.dim();
     let one = |k: usize| {
@@ -47,7 +47,26 @@ pub fn shrink_views(name: &str, data: &ArrayView5<f32>, side: usize) -> ViewSet 
 /// The page, with the pictures as JPEG of at most `quality` (1 to 100); lower where the page would exceed `max_bytes`.
 ///
 /// # Errors
-/// Sets of different sizes, none at all, or no quality that keeps the page within `max_bytes`.
+/// [`Error::Shape`] for sets of different sizes or none at all, [`Error::Parameter`] for disparities that are not numbers,
+/// [`Error::PageTooLarge`] where quality 30 or less does not keep the page within `max_bytes`.
+///
+/// ```
+/// use lenslet::apps::viewer::{ViewerContent, shrink_views, viewer_page};
+/// use lenslet::disparity::DepthOrder;
+/// use ndarray::{Array2, Array5};
+///
+/// let field = Array5::from_elem((3, 3, 12, 16, 3), 0.2);
+/// let content = ViewerContent {
+///     title: "A wall & nothing else".into(),
+///     views: (3, 3),
+///     sets: vec![shrink_views("decoded", &field.view(), 720)],
+///     disparity: Array2::zeros((12, 16)),
+///     order: DepthOrder::NearerIsSmaller,
+/// };
+/// let html = viewer_page(&content, 80, 1 << 20)?;
+/// assert!(html.contains("<title>A wall &amp; nothing else</title>"));
+/// # Ok::<(), lenslet::apps::Error>(())
+/// ```
 pub fn viewer_page(content: &ViewerContent, quality: u8, max_bytes: usize) -> Result<String, Error> {
     let (rows, columns) = content.views;
     let first = content

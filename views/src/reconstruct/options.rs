@@ -22,6 +22,22 @@ pub enum Mode {
     Anchored,
 }
 
+impl Mode {
+    /// The name in descriptions of results.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Mode::Learned => "learned",
+            Mode::Fast => "fast",
+            Mode::Best => "best",
+            Mode::Ridge => "ridge",
+            Mode::Lasso => "lasso",
+            Mode::Network => "network",
+            Mode::Anchored => "anchored",
+        }
+    }
+}
+
 /// Options of a [`super::Reconstructor`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {

@@ -4,16 +4,16 @@ use std::collections::HashMap;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use anyhow::{Context as _, Result, bail};
-use image::RgbImage;
+use anyhow::{Context as _, Result};
+use lenslet::image_io::Picture;
 use lenslet_core::dictionary::{Dictionary, Footprint};
 use lenslet_core::lightfield::{ColourSpace, colour};
 use lenslet_core::progress::Observer;
 use lenslet_data_gen::simulate::{self, Camera, Kind, Scene};
-use lenslet_train::{Algorithm, Coupling, Parameters};
+use lenslet_train::{Coupling, Parameters};
 
-use super::Settings;
-use super::matrix::Training;
+use super::chain::Training;
+use super::settings::Settings;
 
 /// Simulated pictures trained on where there are no photos, and where their seeds begin: far from those of the runs.
 const PICTURES: u64 = 6;
@@ -27,25 +27,25 @@ pub(super) struct Trained {
 
 /// Dictionaries by training and seed.
 #[derive(Default)]
-pub(super) struct Store {
+pub(super) struct TrainedDictionaries {
     by_name: HashMap<String, Trained>,
     /// The pictures trained on, and the folder that holds simulated ones.
     pictures: Option<(Vec<PathBuf>, Option<tempfile::TempDir>)>,
 }
 
 /// The dictionary of a training under a seed.
-pub(super) fn trained<'a>(
+pub(super) fn train_once<'a>(
     training: &Training,
     seed: u64,
     settings: &Settings,
-    store: &'a mut Store,
+    store: &'a mut TrainedDictionaries,
     observer: &dyn Observer,
 ) -> Result<&'a Trained> {
     let name = format!("{seed} {}", serde_json::to_string(training)?);
     if !store.by_name.contains_key(&name) {
         if store.pictures.is_none() {
             store.pictures = Some(if settings.photos.is_empty() {
-                let (paths, folder) = painted(observer)?;
+                let (paths, folder) = simulate_pictures(observer)?;
                 (paths, Some(folder))
             } else {
                 (settings.photos.clone(), None)
@@ -53,7 +53,7 @@ pub(super) fn trained<'a>(
         }
         let (pictures, simulated) =
             store.pictures.as_ref().map(|(p, f)| (p.as_slice(), f.is_some())).unwrap_or_default();
-        let mut parameters = parameters(training, seed, settings.quick)?;
+        let mut parameters = parameters(training, seed, settings.quick);
         if simulated {
             // Simulated pictures are as sharp as their truth; photos are shrunk to be so.
             parameters.shrink = 1.0;
@@ -66,20 +66,14 @@ pub(super) fn trained<'a>(
     store.by_name.get(&name).context("the dictionary was just trained")
 }
 
-fn parameters(training: &Training, seed: u64, quick: bool) -> Result<Parameters> {
-    let algorithm = match training.algorithm.as_str() {
-        "online" => Algorithm::Online,
-        "ksvd" => Algorithm::Ksvd,
-        "ista" => Algorithm::Ista,
-        other => bail!("no trainer is named {other}"),
-    };
-    Ok(Parameters {
+fn parameters(training: &Training, seed: u64, quick: bool) -> Parameters {
+    Parameters {
         atoms: training.atoms,
         patch: training.patch,
         lambda: training.lambda,
         features: training.features,
         pairs: training.pairs,
-        algorithm,
+        algorithm: training.algorithm,
         coupling: if training.joint { Coupling::Joint } else { Coupling::Low },
         epochs: if quick { 1 } else { 3 },
         refine: if quick { 1 } else { 3 },
@@ -88,11 +82,11 @@ fn parameters(training: &Training, seed: u64, quick: bool) -> Result<Parameters>
         held_out: 0,
         seed,
         ..Parameters::default()
-    })
+    }
 }
 
 /// Pictures of simulated scenes that no run looks at.
-fn painted(observer: &dyn Observer) -> Result<(Vec<PathBuf>, tempfile::TempDir)> {
+fn simulate_pictures(observer: &dyn Observer) -> Result<(Vec<PathBuf>, tempfile::TempDir)> {
     let folder = tempfile::tempdir()?;
     let camera = Camera::with_sensor(1640);
     let size = simulate::output_size(&camera, 540);
@@ -102,10 +96,10 @@ fn painted(observer: &dyn Observer) -> Result<(Vec<PathBuf>, tempfile::TempDir)>
         let scene = Scene::named(kind, &camera, None, FIRST_SEED + k, observer)?;
         let mut view = simulate::view(&scene, &camera, [0.0; 2], size);
         colour::convert(&mut view, ColourSpace::Linear, ColourSpace::Srgb);
-        let bytes = view.iter().map(|x| (x.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
-        let picture = RgbImage::from_raw(size.0 as u32, size.1 as u32, bytes).context("not three channels")?;
+        let rgb = view.iter().map(|x| (x.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
+        let picture = Picture { width: size.0, height: size.1, rgb };
         let path = folder.path().join(format!("{k}.png"));
-        picture.save(&path)?;
+        std::fs::write(&path, picture.to_png()?)?;
         paths.push(path);
     }
     Ok((paths, folder))

@@ -6,9 +6,9 @@ use anyhow::Result;
 use lenslet_core::output;
 use ndarray::Array3;
 
-use super::check::Verdict;
+use super::orderings::Verdict;
 use super::table::{Row, SCORES, Table, best, by_subject, of_name, words};
-use super::{picture, plot};
+use super::{crops, plot};
 use crate::report::embedded::most_detailed_place;
 use crate::report::plot::{Series, curves};
 use crate::report::{self, EmbeddedPicture, Page, Stage};
@@ -22,7 +22,7 @@ const MAX_PICTURE: u64 = 4 << 20;
 ///
 /// # Errors
 /// When it cannot be written. Pictures that are gone are left out.
-pub fn write(out: &Path, tables: &[Table], verdicts: &[Verdict], about: &[String]) -> Result<()> {
+pub fn write_page(out: &Path, tables: &[Table], verdicts: &[Verdict], about: &[String]) -> Result<()> {
     let mut page = Page::new("What each step gives", &about.join("; "));
     if !verdicts.is_empty() {
         page.heading("Orderings");
@@ -162,7 +162,7 @@ fn pictures(page: &mut Page, out: &Path, subject: &str, rows: &[&Row]) {
     if !differences.is_empty() {
         page.paragraph(&format!(
             "{subject}: differences from the truth, {} times; blue is darker, red brighter than it.",
-            picture::GAIN
+            crops::GAIN
         ));
         page.figures(&differences);
     }
@@ -193,7 +193,7 @@ fn embedded(out: &Path, row: &Row, what: &str) -> Option<EmbeddedPicture> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::check;
+    use super::super::orderings;
     use super::super::table::{tables, tests::record};
     use super::*;
 
@@ -222,7 +222,7 @@ mod tests {
         unscored.failed = Some(format!("{planted}.lfp is no capture"));
         records.push(unscored);
         let about = ["lenslet ablate & co".into(), planted.into()];
-        write(dir.path(), &tables(&records), &check::verdicts(&records), &about).unwrap();
+        write_page(dir.path(), &tables(&records), &orderings::judge_orderings(&records), &about).unwrap();
         let page = std::fs::read_to_string(dir.path().join("report.html")).unwrap();
         assert!(page.contains("&amp; co") && page.contains("&lt;script&gt;alert") && !page.contains("<script>alert"));
         assert!(page.contains("&lt;img src=x") && !page.contains("<img src=x"));

@@ -9,11 +9,13 @@ use lenslet_core::lightfield::{self, ColourSpace, ReadOptions, ViewSource, colou
 use lenslet_core::metrics::{Alignment, BORDER, Scores, Window};
 use ndarray::Array3;
 
+use super::crops;
+use super::matrix::Run;
 use super::record::Scored;
-use super::{Run, Settings, picture};
+use super::settings::Settings;
 
 /// Scores the peer's middle view.
-pub(super) fn score(name: &str, path: &Path, settings: &Settings, out: &Path, run: &Run) -> Result<Scored> {
+pub(super) fn score_peer(name: &str, path: &Path, settings: &Settings, out: &Path, run: &Run) -> Result<Scored> {
     let truth = settings.truth.as_ref().context("peers are scored on a truth: name its light field with --truth")?;
     let peer = lightfield::open(path, &ReadOptions::default())?;
     let truth = lightfield::open(truth, &ReadOptions::default())?;
@@ -33,7 +35,7 @@ pub(super) fn score(name: &str, path: &Path, settings: &Settings, out: &Path, ru
     if b.dim().2 == 3 {
         let mut linear = moved;
         colour::convert(&mut linear, ColourSpace::Srgb, ColourSpace::Linear);
-        scored.pictures = picture::save(
+        scored.pictures = crops::save_crops(
             out,
             &run.key(),
             &linear,

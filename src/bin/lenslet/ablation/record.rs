@@ -9,7 +9,8 @@ use anyhow::{Context as _, Result, bail};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{Run, Settings};
+use super::matrix::Run;
+use super::settings::Settings;
 
 /// Name of the file.
 pub const FILE: &str = "runs.jsonl";
@@ -190,7 +191,7 @@ impl Log {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ablation::{Subject, matrix::Chain, matrix::Experiment};
+    use crate::ablation::{chain::Chain, experiment::Experiment, matrix::Subject};
     use lenslet_data_gen::simulate::Kind;
 
     fn run(seed: u64) -> Run {

@@ -1,5 +1,5 @@
 //! From samples to views (paper sections 4.1 to 4.4), each rendering made once: most experiments share most of their chains, and
-//! the learned ways stand on the others' views.
+//! the learned methods start from the others' views.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -8,13 +8,13 @@ use std::time::Instant;
 use anyhow::{Context as _, Result};
 use lenslet_core::decode::HexSamples;
 use lenslet_core::dictionary::{Dictionary, Footprint};
+use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::View;
 use lenslet_core::progress::Observer;
+use lenslet_views::{InterpolatedViews, LearnedViews, Target, multiview, reconstruct};
 use ndarray::Array3;
 
-use super::matrix::Way;
-use lenslet_views::reconstruct;
-use lenslet_views::{InterpolatedViews, LearnedViews, Target};
+use super::method::Method;
 
 /// Views of linear light, and what they cost.
 pub(super) struct Rendered {
@@ -24,20 +24,20 @@ pub(super) struct Rendered {
 
 /// What the runs of one capture share. Whoever takes up another capture, or hides other lenslets of it, says so first.
 #[derive(Default)]
-pub(super) struct Kept {
+pub(super) struct RenderCache {
     capture: String,
     part: String,
     /// Name of the steps to the samples, and the last ones.
     samples: Option<(String, HexSamples)>,
-    /// By the names of the steps to the samples and of the way to views.
+    /// By the names of the steps to the samples and of the method.
     views: HashMap<String, Rendered>,
 }
 
-impl Kept {
+impl RenderCache {
     /// Forgets what is not of this capture and this part of its lenslets.
     pub(super) fn enter(&mut self, capture: &str, part: &str) {
         if self.capture != capture {
-            *self = Kept { capture: capture.to_owned(), ..Kept::default() };
+            *self = RenderCache { capture: capture.to_owned(), ..RenderCache::default() };
         }
         if self.part != part {
             self.views.clear();
@@ -59,16 +59,17 @@ impl Kept {
     }
 }
 
-/// The way whose views the learned ones start from; any other is its own.
-fn base(way: Way, dictionary: Option<&Dictionary>) -> Result<Way> {
+/// The method whose views the learned ones start from; any other is its own.
+fn base(method: Method, dictionary: Option<&Dictionary>) -> Result<Method> {
     let trained_on = || {
-        let model = dictionary.and_then(|d| d.model(Footprint::Point)).context("a learned way needs a dictionary")?;
-        Ok(Way::from(model.base))
+        let model =
+            dictionary.and_then(|d| d.model(Footprint::Point)).context("a learned method needs a dictionary")?;
+        Ok(Method::from(model.base))
     };
-    match way {
-        Way::LearnedMultiview => Ok(Way::Multiview),
-        Way::Learned => trained_on(),
-        _ => Ok(way),
+    match method {
+        Method::LearnedMultiview => Ok(Method::Multiview),
+        Method::Learned => trained_on(),
+        _ => Ok(method),
     }
 }
 
@@ -77,52 +78,58 @@ fn base(way: Way, dictionary: Option<&Dictionary>) -> Result<Way> {
 pub(super) fn render(
     (steps, samples): (&str, &HexSamples),
     target: &Target,
-    way: Way,
+    method: Method,
     wanted: &[(usize, usize)],
     dictionary: Option<&Dictionary>,
     kept: &mut HashMap<String, Rendered>,
     observer: &dyn Observer,
 ) -> Result<Rendered> {
-    let base = base(way, dictionary)?;
+    let base = base(method, dictionary)?;
     let low = match kept.entry(format!("{steps} {}", base.name())) {
         Entry::Occupied(found) => found.into_mut(),
         Entry::Vacant(place) => {
             let begun = Instant::now();
-            let images = interpolated(samples, target, base, wanted, observer)?;
+            let images = interpolate_views(samples, target, base, wanted, observer)?;
             place.insert(Rendered { images, seconds: begun.elapsed().as_secs_f64() })
         }
     };
-    if way == base {
+    if method == base {
         return Ok(Rendered { images: low.images.clone(), seconds: low.seconds });
     }
     let begun = Instant::now();
-    let dictionary = dictionary.context("a learned way needs a dictionary")?;
-    let images = sharpened(samples, target, (base, &low.images), wanted, dictionary, observer)?;
+    let dictionary = dictionary.context("a learned method needs a dictionary")?;
+    let images = reconstruct_views(samples, target, (base, &low.images), wanted, dictionary, observer)?;
     Ok(Rendered { images, seconds: low.seconds + begun.elapsed().as_secs_f64() })
 }
 
-fn interpolated(
+fn interpolate_views(
     samples: &HexSamples,
     target: &Target,
-    way: Way,
+    method: Method,
     wanted: &[(usize, usize)],
     observer: &dyn Observer,
 ) -> Result<Vec<Array3<f32>>> {
-    let interpolation = way.interpolation().with_context(|| format!("{} starts from other views", way.name()))?;
+    let interpolation = method.interpolation().with_context(|| format!("{} starts from other views", method.name()))?;
+    let prepared = if interpolation == Interpolation::Multiview {
+        let options = multiview::Options { fit: method.fit(), ..multiview::Options::default() };
+        InterpolatedViews::refined(samples, &options, target, observer)?
+    } else {
+        InterpolatedViews::prepare(samples, interpolation, target, observer)?
+    };
     let mut images = Vec::new();
     let mut keep = |_: usize, _: usize, view: View| -> Result<()> {
         images.push(view.into_pixels());
         Ok(())
     };
-    InterpolatedViews::prepare(samples, interpolation, target, observer)?.render_views(wanted, &mut keep, observer)?;
+    prepared.render_views(wanted, &mut keep, observer)?;
     Ok(images)
 }
 
 /// Views that `base` made of the samples, reconstructed.
-fn sharpened(
+fn reconstruct_views(
     samples: &HexSamples,
     target: &Target,
-    (base, low): (Way, &[Array3<f32>]),
+    (base, low): (Method, &[Array3<f32>]),
     wanted: &[(usize, usize)],
     dictionary: &Dictionary,
     observer: &dyn Observer,
@@ -164,9 +171,9 @@ mod tests {
             }
         };
         let target = Target { width: 40, height: 40 };
-        let mut kept = Kept::default();
+        let mut kept = RenderCache::default();
         let mut decodings = 0;
-        let mut view = |kept: &mut Kept, steps: &str, way| {
+        let mut view = |kept: &mut RenderCache, steps: &str, method| {
             let gain = if steps == "a" { 1.0 } else { 0.5 };
             let (found, views) = kept
                 .decoded(steps, || {
@@ -174,19 +181,19 @@ mod tests {
                     Ok(samples(gain))
                 })
                 .unwrap();
-            let rendered = render((steps, found), &target, way, &[(0, 0)], None, views, &Silent).unwrap();
-            let fresh = interpolated(&samples(gain), &target, way, &[(0, 0)], &Silent).unwrap();
-            assert_eq!(rendered.images, fresh, "{steps} {way:?}");
+            let rendered = render((steps, found), &target, method, &[(0, 0)], None, views, &Silent).unwrap();
+            let fresh = interpolate_views(&samples(gain), &target, method, &[(0, 0)], &Silent).unwrap();
+            assert_eq!(rendered.images, fresh, "{steps} {method:?}");
         };
         kept.enter("one", "");
         for steps in ["a", "a", "b"] {
-            view(&mut kept, steps, Way::Barycentric);
-            view(&mut kept, steps, Way::Cubic);
+            view(&mut kept, steps, Method::Barycentric);
+            view(&mut kept, steps, Method::Cubic);
         }
         assert_eq!(kept.views.len(), 4);
         kept.enter("one", "other lenslets hidden");
         assert!(kept.views.is_empty() && kept.samples.is_some());
-        view(&mut kept, "b", Way::Barycentric);
+        view(&mut kept, "b", Method::Barycentric);
         kept.enter("another", "");
         assert!(kept.views.is_empty() && kept.samples.is_none());
         assert_eq!(decodings, 2);

@@ -20,7 +20,7 @@ pub(super) fn encoded(linear: &Array3<f32>) -> Array3<f32> {
 }
 
 /// PSNR and SSIM of the first image (the middle view), PSNR of the others; images linear, truths sRGB-encoded.
-pub(super) fn against_truth(images: &[Array3<f32>], truths: &[Array3<f32>], scores: &mut Scores) -> Result<()> {
+pub(super) fn score_against_truth(images: &[Array3<f32>], truths: &[Array3<f32>], scores: &mut Scores) -> Result<()> {
     let mut outer = Vec::new();
     for (k, (image, truth)) in images.iter().zip(truths).enumerate() {
         let image = encoded(image);
@@ -41,7 +41,7 @@ pub(super) fn against_truth(images: &[Array3<f32>], truths: &[Array3<f32>], scor
 }
 
 /// How well the second image agrees with the first, `steps` (u, v) away.
-pub(super) fn agreement(
+pub(super) fn score_agreement(
     images: &[Array3<f32>],
     disparity: &Array2<f32>,
     steps: (f64, f64),
@@ -60,7 +60,13 @@ pub(super) fn agreement(
 }
 
 /// Sharpness, jaggedness, and contrast of line pairs on the chart; in linear light. `pitch`: output pixels a lenslet.
-pub(super) fn chart(image: &Array3<f32>, truth: &Array3<f32>, regions: &[Region], pitch: f64, scores: &mut Scores) {
+pub(super) fn score_chart(
+    image: &Array3<f32>,
+    truth: &Array3<f32>,
+    regions: &[Region],
+    pitch: f64,
+    scores: &mut Scores,
+) {
     let mut truth = truth.clone();
     colour::convert(&mut truth, ColourSpace::Srgb, ColourSpace::Linear);
     let (image, truth) = (metrics::luminance(image.view()), metrics::luminance(truth.view()));
@@ -168,15 +174,15 @@ mod tests {
         let regions = [region("lines", [0.2, 0.2, 0.8, 0.45], Some(0.4)), region("edge", [0.3, 0.55, 0.8, 0.88], None)];
         let truth = encoded(&picture);
         let mut scores = Scores::new();
-        chart(&picture, &truth, &regions, 3.3, &mut scores);
+        score_chart(&picture, &truth, &regions, 3.3, &mut scores);
         assert!((scores["line_contrast"] - 1.0).abs() < 1e-3 && scores["spurious_0.40"] < 1e-2, "{scores:?}");
         assert!((scores["mtf50"] - scores["mtf50_truth"]).abs() < 1e-3);
         let blurred = Array3::from_shape_fn((120, 120, 3), |(t, s, c)| {
             (0..5).map(|k| picture[[t, (s + k).saturating_sub(2).min(119), c]]).sum::<f32>() / 5.0
         });
         let mut worse = Scores::new();
-        chart(&blurred, &truth, &regions, 3.3, &mut worse);
-        against_truth(&[blurred], &[truth], &mut worse).unwrap();
+        score_chart(&blurred, &truth, &regions, 3.3, &mut worse);
+        score_against_truth(&[blurred], &[truth], &mut worse).unwrap();
         assert!(worse["line_contrast"] < 0.7 && worse["mtf50"] < scores["mtf50"] && worse["psnr"] < 30.0, "{worse:?}");
     }
 }

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use serde::Serialize;
 
-use super::matrix::Experiment;
+use super::experiment::Experiment;
 use super::record::Record;
 
 /// A score that tables show.

@@ -3,11 +3,12 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::ablation::{self, Experiment, Record, Settings, against, check, page, record, table};
+use crate::ablation::{self, Experiment, Record, Settings, compare, orderings, page, record, table};
 use lenslet_core::output;
 use serde_json::json;
 
-use super::{Context, Interrupted, Outcome, Usage};
+use super::written::refuse_existing;
+use super::{Context, Outcome, Usage};
 
 /// Run the paper's experiments: tables, pictures and a report
 #[derive(Debug, clap::Args)]
@@ -86,28 +87,27 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         return Err(Usage("nothing to run: peers need --peer and --truth".into()).into());
     }
     // Before the work, so that a wrong name costs nothing.
-    if let Some(path) = args.results.as_ref().filter(|p| p.exists() && !args.force) {
-        return Err(output::Error::Exists(path.clone()).into());
+    if let Some(path) = &args.results {
+        refuse_existing(path, args.force)?;
     }
     let old = args.against.as_deref().map(records_of).transpose()?;
-    let done = ablation::run(&args.out, &settings, args.force, &context.progress)
-        .map_err(|e| if e.is::<ablation::Interrupted>() { Interrupted.into() } else { e })?;
+    let done = ablation::run(&args.out, &settings, args.force, &context.progress)?;
 
     let records = ablation::records(&args.out, &settings)?;
     let tables = table::tables(&records);
-    let verdicts = check::verdicts(&records);
+    let verdicts = orderings::judge_orderings(&records);
     let about = about(&records);
     ablation::write_tables(&args.out, &tables)?;
     output::write_file(&args.out.join("orderings.json"), true, &serde_json::to_vec_pretty(&verdicts)?)?;
-    page::write(&args.out, &tables, &verdicts, &about)?;
+    page::write_page(&args.out, &tables, &verdicts, &about)?;
     if let Some(path) = &args.results {
         output::write_file(path, args.force, results(&tables, &verdicts, &about).as_bytes())?;
     }
-    let changes = old.map(|old| against::changes(&old, &records));
+    let changes = old.map(|old| compare::compare_runs(&old, &records));
     if let Some(changes) = &changes {
         output::write_file(&args.out.join("against.json"), true, &serde_json::to_vec_pretty(changes)?)?;
     }
-    let broken = check::broken(&verdicts, &records);
+    let broken = orderings::broken_orderings(&verdicts, &records);
     if args.check && !broken.is_empty() {
         anyhow::bail!("{} of the orderings that must hold do not: {}", broken.len(), broken.join("; "));
     }
@@ -122,7 +122,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         );
     }
     if let Some(changes) = &changes {
-        text = format!("{text}\n{}", against::words(changes));
+        text = format!("{text}\n{}", compare::describe_changes(changes));
     }
     let json = json!({
         "report": report, "kept": done.kept, "made": done.made, "failed": done.failed,
@@ -185,7 +185,7 @@ fn date() -> String {
 }
 
 /// The Markdown page.
-fn results(tables: &[table::Table], verdicts: &[check::Verdict], about: &[String]) -> String {
+fn results(tables: &[table::Table], verdicts: &[orderings::Verdict], about: &[String]) -> String {
     let mut out = String::from(
         "# Results\n\nWritten by `lenslet ablate --results`; every number comes from the run named here, none is typed by hand.\n\n",
     );

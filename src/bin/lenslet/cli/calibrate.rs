@@ -11,6 +11,7 @@ use lenslet_core::output;
 use lenslet_core::progress::{Observer, Silent};
 use serde_json::{Value, json};
 
+use super::written::refuse_existing;
 use super::{Context, Outcome};
 use crate::report::calibration_figures;
 
@@ -200,14 +201,6 @@ fn file_name(serial: Option<&str>, zoom: Option<i64>, focus: Option<i64>, number
         parts.push(format!("camera{number}"));
     }
     parts.join("-") + ".calib"
-}
-
-/// Says so before the work, not after it; `save` looks again.
-fn refuse_existing(path: &Path, force: bool) -> anyhow::Result<()> {
-    if !force && path.symlink_metadata().is_ok() {
-        return Err(output::Error::Exists(path.to_path_buf()).into());
-    }
-    Ok(())
 }
 
 /// Hot pixels of the files given with --black, for the camera of `white`.

@@ -1,13 +1,13 @@
 //! `lenslet convert`: a light field from one format to another.
 
-use std::path::PathBuf;
-
-use lenslet_core::lightfield::{self, ColourSpace, ReadOptions, colour};
+use lenslet_core::lightfield::{self, colour};
 use lenslet_core::progress::Observer;
 use serde_json::json;
 
+use super::source::SourceArgs;
+use super::values::parse_views;
 use super::written::Written;
-use super::{Context, Outcome, Usage, score};
+use super::{Context, Outcome, Usage};
 
 /// Convert a light field from one format to another
 #[derive(Debug, clap::Args)]
@@ -19,25 +19,17 @@ Reads: our directory, .npy (float32, float64, uint8, uint16; v,u,t,s,c), folders
 (input_Cam042.png, view_3_5.png, IMG_0001_017_02_04.png), ESLF / lenslet pictures (with --views), MATLAB .mat of
 level 5 (variable LF). Writes: dir (16-bit PNG a view), npy (float32), mat (LF, single), eslf (16-bit PNG).")]
 pub struct Args {
-    /// The light field to read
-    input: PathBuf,
+    #[command(flatten)]
+    source: SourceArgs,
     #[command(flatten)]
     written: Written,
-    /// Views (N or ROWSxCOLUMNS) of a lenslet picture, or of pictures numbered in a row
-    #[arg(long, value_name = "N", value_parser = score::parse_views)]
-    views: Option<[usize; 2]>,
     /// Keep only the N (or ROWSxCOLUMNS) views in the middle
-    #[arg(long, value_name = "N", value_parser = score::parse_views)]
+    #[arg(long, value_name = "N", value_parser = parse_views)]
     crop_views: Option<[usize; 2]>,
-    /// The input holds linear light, and does not say so itself
-    #[arg(long)]
-    input_linear: bool,
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
-    let colour = args.input_linear.then_some(ColourSpace::Linear);
-    let options = ReadOptions { views: args.views, colour, ..ReadOptions::default() };
-    let source = lightfield::open(&args.input, &options)?;
+    let source = lightfield::open(&args.source.input, &args.source.options())?;
     let mut meta = source.meta().clone();
     let [rows, columns] = args.crop_views.unwrap_or(meta.views);
     if rows > meta.views[0] || columns > meta.views[1] {
@@ -54,9 +46,9 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     meta.views = [rows, columns];
     meta.colour = args.written.colour();
     let format = args.written.format();
-    let name = args.input.file_name().map(|n| n.to_string_lossy().into_owned());
     meta.provenance.push(json!({
-        "tool": "lenslet", "version": env!("CARGO_PKG_VERSION"), "command": "convert", "input": name, "first_view": first,
+        "tool": "lenslet", "version": env!("CARGO_PKG_VERSION"), "command": "convert",
+        "input": args.source.name(), "first_view": first,
     }));
 
     let mut sink = lightfield::create(&args.written.out, meta.clone(), format, args.written.force)?;

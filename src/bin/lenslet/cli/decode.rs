@@ -3,23 +3,24 @@
 mod choose;
 mod inputs;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Context as _;
 use lenslet_core::calibration::Calibration;
 use lenslet_core::container::{self, Capture};
 use lenslet_core::decode::{self, Demosaic, HexSamples, Step, WhiteBalance, npz};
-use lenslet_core::dictionary::Footprint;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{self, Meta, View};
 use lenslet_core::progress::Observer;
-use lenslet_views::{Learned, Method, Renderer, Target, reconstruct};
+use lenslet_views::{Learned, Method, Renderer, Target};
 use serde_json::{Value, json};
 
-use super::written::Written;
-use super::{Context, Outcome, Usage};
-use choose::Shelf;
+use super::learned::LearnedArgs;
+use super::written::{Written, refuse_existing};
+use super::{Context, Outcome, Usage, dict};
+use choose::CalibrationStore;
 use inputs::Job;
 
 /// Decode captures to light fields
@@ -47,13 +48,6 @@ pub struct Args {
     /// What learned reconstruction starts from: barycentric, cubic or multiview
     #[arg(long, value_name = "METHOD")]
     base: Option<Interpolation>,
-    /// What learned reconstruction takes a sample for: a point of the view, or the mean over the lenslet, which it then
-    /// sharpens as well (and the noise with it)
-    #[arg(long, default_value = "point", value_parser = ["point", "lenslet"])]
-    footprint: String,
-    /// Standard deviation of the samples' noise for learned reconstruction (sRGB-encoded, 0..1) [default: estimated]
-    #[arg(long, value_name = "S")]
-    sample_noise: Option<f32>,
     /// Views a row and a column (odd, up to 15)
     #[arg(long, default_value_t = 7, value_name = "N")]
     views: usize,
@@ -85,6 +79,8 @@ pub struct Args {
     /// Do not keep the measured samples (samples.npz)
     #[arg(long)]
     no_samples: bool,
+    #[command(flatten)]
+    learned: LearnedArgs,
 }
 
 /// `--without`.
@@ -236,8 +232,9 @@ impl Args {
         if !(self.view_step > 0.0 && self.view_step <= 4.0) {
             return Err(Usage(format!("--view-step {}: it must be above 0, up to 4", self.view_step)).into());
         }
-        if self.sample_noise.is_some_and(|s| !(0.0..=1.0).contains(&s)) {
-            return Err(Usage("--sample-noise must be 0 to 1".into()).into());
+        self.learned.check()?;
+        if let (MethodName::Interpolation(method), Some(option)) = (self.method, self.learned.first_given()) {
+            return Err(Usage(format!("{option} goes with --method learned, not {method}")).into());
         }
         match (self.method, self.base) {
             (MethodName::Learned, Some(Interpolation::Bicubic)) => {
@@ -255,13 +252,13 @@ impl Args {
         self.base.unwrap_or(Interpolation::Barycentric)
     }
 
-    fn method(&self) -> Method {
+    fn method(&self) -> anyhow::Result<Method> {
         match self.method {
-            MethodName::Interpolation(interpolation) => interpolation.into(),
+            MethodName::Interpolation(interpolation) => Ok(interpolation.into()),
             MethodName::Learned => {
-                let footprint = if self.footprint == "lenslet" { Footprint::Lenslet } else { Footprint::Point };
-                let options = reconstruct::Options { noise: self.sample_noise, footprint, ..Default::default() };
-                Method::from(self.base()).learned_with(Learned { options, ..Learned::default() })
+                let dictionary = self.learned.dictionary.as_deref().map(dict::find).transpose()?.map(Arc::new);
+                let options = self.learned.options();
+                Ok(Method::from(self.base()).learned_with(Learned { dictionary, options }))
             }
         }
     }
@@ -270,10 +267,11 @@ impl Args {
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     args.check()?;
     let (jobs, several) = inputs::jobs(&args.captures, &args.written)?;
-    if !several && !args.written.force {
-        refuse_existing(&args.written.out)?;
+    if !several {
+        refuse_existing(&args.written.out, args.written.force)?;
     }
-    let mut shelf = Shelf::open(args.calibration.as_deref(), context)?;
+    let method = args.method()?;
+    let mut store = CalibrationStore::open(args.calibration.as_deref(), context)?;
     let mut done: Vec<Value> = Vec::new();
     let mut skipped: Vec<&Job> = Vec::new();
     let mut failed: Vec<String> = Vec::new();
@@ -283,7 +281,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
             skipped.push(job);
             continue;
         }
-        match one(args, job, &mut shelf, context) {
+        match decode_one(args, &method, job, &mut store, context) {
             Ok(report) => done.push(report),
             Err(e) if !several || context.progress.cancelled() || e.is::<Usage>() => return Err(e),
             Err(e) => {
@@ -308,23 +306,21 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     Ok(Outcome { json: json!({ "decoded": done, "skipped": skipped, "failed": [] }), text: summary })
 }
 
-fn refuse_existing(path: &Path) -> anyhow::Result<()> {
-    // Said before the work begins, not after it.
-    match std::fs::symlink_metadata(path) {
-        Ok(_) => Err(lenslet_core::output::Error::Exists(path.to_path_buf()).into()),
-        Err(_) => Ok(()),
-    }
-}
-
 /// Decodes one capture.
-fn one(args: &Args, job: &Job, shelf: &mut Shelf, context: &Context) -> anyhow::Result<Value> {
+fn decode_one(
+    args: &Args,
+    method: &Method,
+    job: &Job,
+    store: &mut CalibrationStore,
+    context: &Context,
+) -> anyhow::Result<Value> {
     let started = Instant::now();
     let progress = &context.progress;
     let capture = container::open_capture(&job.capture, args.profile.as_deref())?;
     for warning in &capture.warnings {
         progress.note(&format!("{}: {warning}", job.capture.display()));
     }
-    let (calibration, reason) = shelf.choose(&capture, context)?;
+    let (calibration, reason) = store.choose(&capture, context)?;
     progress.note(&format!("{}: calibration {reason}", job.capture.display()));
     let read = started.elapsed();
     let options = args.decode_options(container::is_jpeg(&job.capture));
@@ -336,7 +332,7 @@ fn one(args: &Args, job: &Job, shelf: &mut Shelf, context: &Context) -> anyhow::
     let size = meta.size;
     let mut sink = lightfield::create(&job.out, meta, job.format, args.written.force)?;
     let target = Target { width: size[1], height: size[0] };
-    let renderer = Renderer::prepare(&samples, &args.method(), target, progress)?;
+    let renderer = Renderer::prepare(&samples, method, target, progress)?;
     let mut writing = std::time::Duration::ZERO;
     let mut put = |v: usize, u: usize, view: View| -> anyhow::Result<()> {
         let begin = Instant::now();

@@ -90,12 +90,14 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
 
     let camera = Camera::with_sensor(2 * (args.size * 3280 / 1080).div_ceil(2));
     let options = Options { seed: args.seed, ..Options::default() };
-    let scene = Scene::named(Kind::Natural, &camera, None, args.seed, observer).map_err(super::simulate::sorted)?;
-    let simulation = simulate::render(&scene, &camera, &options, observer).map_err(super::simulate::sorted)?;
+    let scene =
+        Scene::named(Kind::Natural, &camera, None, args.seed, observer).map_err(super::simulate::usage_or_failure)?;
+    let simulation =
+        simulate::render(&scene, &camera, &options, observer).map_err(super::simulate::usage_or_failure)?;
     let size = simulate::output_size(&camera, args.size);
     let truth_options = Truth { views: VIEWS, view_step: 1.0, size: args.size };
     simulate::write(&root.join("simulated"), &scene, &camera, &options, &simulation, &truth_options, false, observer)
-        .map_err(super::simulate::sorted)?;
+        .map_err(super::simulate::usage_or_failure)?;
     let truth: Vec<_> = SCORED
         .iter()
         .map(|&(v, u)| {
@@ -133,7 +135,7 @@ fn calibrate(
 ) -> anyhow::Result<Calibrated> {
     let began = Instant::now();
     let found = calibration::calibrate(&simulation.whites, &calibration::CalibrationOptions::default(), observer)?;
-    let lenslets = Lenslets::new(camera, seed).map_err(super::simulate::sorted)?;
+    let lenslets = Lenslets::new(camera, seed).map_err(super::simulate::usage_or_failure)?;
     let squares: f64 = found.lenslets.iter().map(|l| lenslets.nearest(l.x, l.y).1).sum();
     let rms = (squares / found.lenslets.len().max(1) as f64).sqrt();
     Ok(Calibrated { truth: simulation.centres.len(), rms, seconds: began.elapsed().as_secs_f64(), found })

@@ -14,7 +14,7 @@ use ndarray::{Array2, s};
 use serde_json::{Value, json};
 
 use super::refocus::load;
-use super::score::parse_views;
+use super::values::parse_views;
 use super::{Context, Outcome, Usage};
 
 /// Disparity and confidence of a light field's middle view: PFM, 16-bit PNG, colour picture, point cloud

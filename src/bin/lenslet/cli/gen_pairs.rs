@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 
 use lenslet_core::dictionary::{Footprint, Photo};
-use lenslet_core::output;
 use lenslet_core::progress::Observer;
 use lenslet_data_gen::pairs::{self, Crop, Degradation, Manifest, PatchOptions};
 use serde_json::json;
 
+use super::values::FootprintName;
+use super::written::refuse_existing;
 use super::{Context, Outcome, Usage};
 
 /// Cut training pairs out of photos
@@ -47,8 +48,8 @@ pub struct Args {
     #[arg(long, default_value_t = 1.5, value_name = "F")]
     shrink: f64,
     /// What a sample sees
-    #[arg(long, default_value = "lenslet", value_parser = ["point", "lenslet"])]
-    footprint: String,
+    #[arg(long, value_enum, default_value = "lenslet")]
+    footprint: FootprintName,
     /// Standard deviation of noise on the samples, of the range 0..1
     #[arg(long, default_value_t = 0.0, value_name = "S")]
     noise: f32,
@@ -61,16 +62,14 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
-    if args.out.exists() && !args.force {
-        return Err(output::Error::Exists(args.out.clone()).into());
-    }
+    refuse_existing(&args.out, args.force)?;
     if !(1..=10_000_000).contains(&args.pairs)
         || !(1..=10_000).contains(&args.crops)
         || !(32..=4096).contains(&args.crop)
     {
         return Err(Usage("--pairs up to 10000000, --crops 1 to 10000, --crop 32 to 4096".into()).into());
     }
-    let footprint = if args.footprint == "point" { Footprint::Point } else { Footprint::Lenslet };
+    let footprint = Footprint::from(args.footprint);
     let degradation = Degradation { footprint, noise: args.noise, ..Degradation::default() };
     let files = pairs::find_photos(&args.photos)?;
     let (mut crops, mut photos, mut skipped): (Vec<Crop>, Vec<Photo>, Vec<String>) = Default::default();
@@ -118,7 +117,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         }),
         parameters: json!({
             "patch": args.patch, "window": args.window, "features": args.features, "energy_kept": kept,
-            "crops": args.crops, "crop": args.crop, "shrink": args.shrink, "footprint": args.footprint,
+            "crops": args.crops, "crop": args.crop, "shrink": args.shrink, "footprint": footprint,
             "base": degradation.base, "pitch": degradation.pitch, "rotation": degradation.rotation,
             "noise": args.noise, "flat": options.flat, "seed": args.seed, "generator": "ChaCha8",
         }),

@@ -28,7 +28,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME")]
     profile: Option<String>,
     /// Views (N or ROWSxCOLUMNS) of light field files that do not say so
-    #[arg(long, value_name = "N", value_parser = super::score::parse_views)]
+    #[arg(long, value_name = "N", value_parser = super::values::parse_views)]
     views: Option<[usize; 2]>,
 }
 

@@ -3,6 +3,7 @@
 mod ablate;
 mod budget;
 mod calibrate;
+mod context;
 mod convert;
 mod decode;
 mod demo;
@@ -12,13 +13,16 @@ mod extract;
 mod gen_pairs;
 mod infer;
 mod info;
+mod learned;
 mod progress;
 mod refine;
 mod refocus;
 mod score;
 mod simulate;
+mod source;
 mod train_dict;
 mod train_report;
+mod values;
 mod view;
 mod viewpoint;
 mod written;
@@ -26,8 +30,9 @@ mod written;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+pub use context::{Context, Outcome, Usage};
 use lenslet_core::progress::Observer as _;
-pub use progress::Progress;
+use progress::Progress;
 
 #[derive(Debug, Parser)]
 #[command(
@@ -98,25 +103,6 @@ fn dispatch(command: &Command, context: &Context) -> anyhow::Result<Outcome> {
     }
 }
 
-/// What every command is given.
-pub struct Context {
-    /// Progress on stderr, and the interrupt flag.
-    pub progress: Progress,
-}
-
-/// What a command has to say: `json` for machines, `text` for people.
-pub struct Outcome {
-    pub json: serde_json::Value,
-    pub text: String,
-}
-
-/// The caller used the command wrongly (exit code 2).
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub struct Usage(pub String);
-
-pub use lenslet_core::progress::Interrupted;
-
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
     let threads = cli.threads.map_or(0, usize::from);
@@ -146,7 +132,7 @@ pub fn main() -> ExitCode {
                 eprintln!("lenslet: {why}");
                 return ExitCode::from(1);
             }
-            let code = if context.progress.cancelled() || e.chain().any(|c| c.is::<Interrupted>()) {
+            let code = if context.progress.cancelled() {
                 130
             } else if e.chain().any(|c| c.is::<Usage>()) {
                 2

@@ -1,10 +1,9 @@
 //! `lenslet refine`
 
-use std::path::PathBuf;
 use std::time::Instant;
 
 use lenslet_core::decode::{HexSamples, npz};
-use lenslet_core::lightfield::{self, ColourSpace, LightField, ReadOptions, colour};
+use lenslet_core::lightfield::{self, ColourSpace, LightField, colour};
 use lenslet_core::progress::Observer as _;
 use lenslet_views::Target;
 use lenslet_views::multiview::{Options, RefinedViews, SampleSet};
@@ -12,7 +11,7 @@ use lenslet_views::reconstruct::Enlargement;
 use ndarray::Array3;
 use serde_json::json;
 
-use super::score::parse_views;
+use super::source::SourceArgs;
 use super::written::Written;
 use super::{Context, Outcome, Usage};
 
@@ -25,8 +24,8 @@ Example: lenslet refine barycentric.lf --out multiview.lf
 The samples that decode left beside a light field (samples.npz) are used at their exact places. Of light fields without
 them, other tools' for instance, every pixel of every view is a sample, and the views can be enlarged by --scale.")]
 pub struct Args {
-    /// The light field, in any format that convert reads
-    input: PathBuf,
+    #[command(flatten)]
+    source: SourceArgs,
     #[command(flatten)]
     written: Written,
     /// Enlarge the views by this (default: 1 where there are measured samples, else 2)
@@ -35,12 +34,6 @@ pub struct Args {
     /// Do not use the measured samples (samples.npz) beside the light field
     #[arg(long)]
     without_samples: bool,
-    /// Views (N or ROWSxCOLUMNS) of a lenslet picture, or of pictures numbered in a row
-    #[arg(long, value_name = "N", value_parser = parse_views)]
-    views: Option<[usize; 2]>,
-    /// The input holds linear light, and does not say so itself
-    #[arg(long)]
-    input_linear: bool,
 }
 
 /// What is refined.
@@ -53,15 +46,14 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if args.scale.is_some_and(|s| !(1.0..=8.0).contains(&s)) {
         return Err(Usage("--scale must be 1 to 8".into()).into());
     }
-    let colour = args.input_linear.then_some(ColourSpace::Linear);
-    let read = ReadOptions { views: args.views, colour, ..ReadOptions::default() };
-    let given = match npz::beside(&args.input) {
+    let read = args.source.options();
+    let given = match npz::beside(&args.source.input) {
         Some(path) if !args.without_samples => Given::Samples(npz::load(&path)?),
-        _ => Given::Field(lightfield::load(&args.input, &read)?),
+        _ => Given::Field(lightfield::load(&args.source.input, &read)?),
     };
     let (mut meta, from, usual) = match &given {
         // The pixels themselves are not read.
-        Given::Samples(_) => (lightfield::open(&args.input, &read)?.meta().clone(), ColourSpace::Linear, 1.0),
+        Given::Samples(_) => (lightfield::open(&args.source.input, &read)?.meta().clone(), ColourSpace::Linear, 1.0),
         Given::Field(field) => (field.meta.clone(), field.meta.colour, 2.0),
     };
     let scale = args.scale.unwrap_or(usual);
@@ -71,7 +63,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     {
         anyhow::bail!(
             "{}: the samples beside it are of {1}x{1} views, not {rows}x{columns}; leave them out with --without-samples",
-            args.input.display(),
+            args.source.input.display(),
             s.views
         );
     }
@@ -79,9 +71,9 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     meta.pitch = Some(scale * meta.pitch.unwrap_or(1.0));
     meta.colour = args.written.colour();
     meta.method = Some("multiview".into());
-    let input = args.input.file_name().map(|n| n.to_string_lossy().into_owned());
     meta.provenance.push(json!({
-        "tool": "lenslet", "version": env!("CARGO_PKG_VERSION"), "command": "refine", "input": input, "scale": scale,
+        "tool": "lenslet", "version": env!("CARGO_PKG_VERSION"), "command": "refine",
+        "input": args.source.name(), "scale": scale,
     }));
     let target = Target { width: meta.size[1], height: meta.size[0] };
     let set = match &given {

@@ -13,7 +13,7 @@ use lenslet_views::disparity;
 use ndarray::{Array2, Array3};
 use serde_json::json;
 
-use super::score::parse_views;
+use super::values::parse_views;
 use super::{Context, Outcome, Usage};
 
 /// Refocus a light field: one picture, a focal stack, or everything in focus
@@ -43,8 +43,8 @@ pub struct Args {
     #[arg(long, default_value_t = 1.0, value_name = "0..1")]
     aperture: f32,
     /// Its shape
-    #[arg(long, default_value = "round", value_parser = ["round", "square"])]
-    shape: String,
+    #[arg(long, value_enum, default_value = "round")]
+    shape: ApertureShape,
     /// Make the longer side at most this many pixels
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..))]
     side: Option<u32>,
@@ -148,9 +148,8 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let field = load(&args.light_field, args.views)?;
     context.progress.check()?;
     let data = field.data.view();
-    let shape = if args.shape == "square" { ApertureShape::Square } else { ApertureShape::Round };
     let [rows, columns] = field.meta.views;
-    let aperture = refocus::aperture_weights((rows, columns), args.aperture, shape);
+    let aperture = refocus::aperture_weights((rows, columns), args.aperture, args.shape);
     let options = disparity::Options::shown();
     let (list, map): (Vec<f32>, Option<Array2<f32>>) = match focus {
         Focus::Disparities(list) => (list, None),

@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use lenslet_core::lightfield::{self, ColourSpace, ReadOptions, ViewSource, colour};
-use lenslet_core::metrics::{Alignment, Scores, SsimWindow, Window};
+use lenslet_core::metrics::{Alignment, Scores, Window};
 use lenslet_core::progress::Observer;
 use ndarray::Array3;
 use serde_json::{Map, Value, json};
 
+use super::values::{SsimName, parse_views};
 use super::{Context, Outcome, Usage};
 
 /// Score a light field (or picture) against a reference: PSNR of colour and luminance, SSIM of luminance
@@ -28,8 +29,8 @@ pub struct Args {
     #[arg(long, default_value_t = 0, value_name = "PIXELS")]
     border: usize,
     /// Window of SSIM: gaussian (11x11, sigma 1.5) or uniform (7x7, scikit-image's default)
-    #[arg(long, default_value = "gaussian", value_parser = ["gaussian", "uniform"])]
-    ssim: String,
+    #[arg(long, value_enum, default_value = "gaussian")]
+    ssim: SsimName,
     /// First register the result onto the reference (affine map, gain and offset of each channel, found on the middle
     /// view): for results of tools with another geometry or exposure. The sizes may differ. The alignment is reported
     #[arg(long)]
@@ -39,25 +40,12 @@ pub struct Args {
     views: Option<[usize; 2]>,
 }
 
-/// `7` or `7x9` as (rows, columns).
-pub fn parse_views(text: &str) -> Result<[usize; 2], String> {
-    let one = |t: &str| match t.parse() {
-        Ok(n) if (1..=lightfield::MAX_VIEWS).contains(&n) => Ok(n),
-        _ => Err(format!("`{t}` is not a number from 1 to {}", lightfield::MAX_VIEWS)),
-    };
-    match text.split_once('x') {
-        Some((rows, columns)) => Ok([one(rows)?, one(columns)?]),
-        None => one(text).map(|n| [n, n]),
-    }
-}
-
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let options = ReadOptions { views: args.views, ..ReadOptions::default() };
     let result = lightfield::open(&args.result, &options)?;
     let reference = lightfield::open(&args.reference, &options)?;
     comparable(result.as_ref(), reference.as_ref(), args)?;
-    let ssim = if args.ssim == "uniform" { SsimWindow::Uniform } else { SsimWindow::Gaussian };
-    let window = Window::without_border(args.border).with_ssim(ssim);
+    let window = Window::without_border(args.border).with_ssim(args.ssim.into());
     let both_linear = [&result, &reference].iter().all(|l| l.meta().colour == ColourSpace::Linear);
     let [rows, columns] = result.meta().views;
 

@@ -6,7 +6,8 @@ use lenslet_core::container::CameraProfile;
 use lenslet_data_gen::simulate::{self, Camera, Kind, Options, Profile, Scene, Truth};
 use serde_json::json;
 
-use super::{Context, Interrupted, Outcome, Usage};
+use super::written::refuse_existing;
+use super::{Context, Outcome, Usage};
 
 /// Simulate a capture of a lenslet camera, with white images and the truth
 #[derive(Debug, clap::Args)]
@@ -70,8 +71,8 @@ pub struct Args {
     #[arg(long, default_value_t = Camera::default().jitter, value_name = "PIXELS")]
     jitter: f64,
     /// Light over a micro-image: parabolic or gaussian
-    #[arg(long, default_value = "parabolic", value_parser = ["parabolic", "gaussian"])]
-    profile: String,
+    #[arg(long, value_enum, default_value = "parabolic", hide_possible_values = true)]
+    profile: LightProfile,
     /// Share of the light the main lens loses in the corners
     #[arg(long, default_value_t = Camera::default().vignetting, value_name = "SHARE", allow_negative_numbers = true)]
     vignetting: f64,
@@ -84,6 +85,17 @@ pub struct Args {
     /// White images
     #[arg(long, default_value_t = Options::default().whites, value_name = "N")]
     whites: usize,
+}
+
+/// Standard deviation of the Gaussian profile, radii of a micro-image.
+/// Source: chosen.
+const GAUSSIAN_SIGMA: f64 = 0.55;
+
+/// `--profile`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum LightProfile {
+    Parabolic,
+    Gaussian,
 }
 
 /// `n` or `width x height`.
@@ -102,11 +114,10 @@ fn parse_offset(text: &str) -> Result<[f64; 2], String> {
     Ok([x.trim().parse().map_err(|_| bad())?, y.trim().parse().map_err(|_| bad())?])
 }
 
-/// Values out of range are wrong usage, interruption has its own code.
-pub fn sorted(error: simulate::Error) -> anyhow::Error {
+/// Values out of range are wrong usage.
+pub fn usage_or_failure(error: simulate::Error) -> anyhow::Error {
     match error {
         simulate::Error::Parameter(text) => Usage(text).into(),
-        simulate::Error::Interrupted => Interrupted.into(),
         other => other.into(),
     }
 }
@@ -120,9 +131,9 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         row_stretch: args.row_stretch.unwrap_or(like.row_stretch),
         offset: args.offset,
         jitter: args.jitter,
-        profile: match args.profile.as_str() {
-            "gaussian" => Profile::Gaussian { sigma: 0.55 },
-            _ => Camera::default().profile,
+        profile: match args.profile {
+            LightProfile::Gaussian => Profile::Gaussian { sigma: GAUSSIAN_SIGMA },
+            LightProfile::Parabolic => Camera::default().profile,
         },
         vignetting: args.vignetting,
         psf: args.psf,
@@ -131,19 +142,18 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let options = Options { seed: args.seed, noise: args.noise, whites: args.whites };
     let truth = Truth { views: args.views, view_step: args.view_step, size: args.size };
     // Everything that can be refused is refused before the long work begins.
-    camera.check().and_then(|()| options.check()).and_then(|()| truth.check()).map_err(sorted)?;
-    if !args.force && args.out.symlink_metadata().is_ok() {
-        return Err(lenslet_core::output::Error::Exists(args.out.clone()).into());
-    }
+    camera.check().and_then(|()| options.check()).and_then(|()| truth.check()).map_err(usage_or_failure)?;
+    refuse_existing(&args.out, args.force)?;
     let observer = &context.progress;
     let scene = if args.photo.is_empty() {
         Scene::named(args.scene, &camera, args.disparity, args.seed, observer)
     } else {
         simulate::photos(&args.photo, &camera, args.disparity, args.seed, observer)
     };
-    let scene = scene.map_err(sorted)?;
-    let simulation = simulate::render(&scene, &camera, &options, observer).map_err(sorted)?;
-    simulate::write(&args.out, &scene, &camera, &options, &simulation, &truth, args.force, observer).map_err(sorted)?;
+    let scene = scene.map_err(usage_or_failure)?;
+    let simulation = simulate::render(&scene, &camera, &options, observer).map_err(usage_or_failure)?;
+    simulate::write(&args.out, &scene, &camera, &options, &simulation, &truth, args.force, observer)
+        .map_err(usage_or_failure)?;
     let out = args.out.display();
     let (width, height) = camera.sensor;
     let inside = simulation.capture.white.is_some();

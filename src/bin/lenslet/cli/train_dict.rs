@@ -10,7 +10,9 @@ use lenslet_core::progress::Observer;
 use lenslet_train::{Algorithm, Coupling, Parameters, train, train_on};
 use serde_json::json;
 
-use super::{Context, Interrupted, Outcome, Usage, train_report};
+use super::values::{AlgorithmName, FootprintName, TrainingBase};
+use super::written::refuse_existing;
+use super::{Context, Outcome, Usage, train_report};
 
 /// Learn a dictionary pair Dh/Dl from photos
 #[derive(Debug, clap::Args)]
@@ -44,8 +46,8 @@ pub struct Args {
     #[arg(long, value_name = "L")]
     lambda: Option<f32>,
     /// Learning algorithm
-    #[arg(long, value_parser = ["ksvd", "online", "ista"])]
-    algorithm: Option<String>,
+    #[arg(long, value_enum)]
+    algorithm: Option<AlgorithmName>,
     /// Learn Dl alone, then Dh by least squares
     #[arg(long)]
     low_first: bool,
@@ -68,15 +70,15 @@ pub struct Args {
     #[arg(long, value_name = "S")]
     noise: Option<f32>,
     /// Footprints of the samples, one model each
-    #[arg(long, value_delimiter = ',', value_parser = ["point", "lenslet"])]
-    footprint: Vec<String>,
+    #[arg(long, value_delimiter = ',', value_enum)]
+    footprint: Vec<FootprintName>,
     /// Rectangular grids enlarged bicubically by this, instead of hexagonal samples: for views of other tools
     #[arg(long, value_name = "SCALE", conflicts_with_all = ["footprint", "calibration"])]
     grid: Option<f64>,
     /// What the views are that the dictionary will sharpen: barycentric, or multiview, for which the photos are put before a
     /// simulated camera, decoded and refined
-    #[arg(long, value_parser = ["barycentric", "multiview"], conflicts_with = "grid")]
-    base: Option<String>,
+    #[arg(long, value_enum, conflicts_with = "grid")]
+    base: Option<TrainingBase>,
     /// Lattice (pitch, rotation) as this calibration's, for views 1080 pixels wide
     #[arg(long, value_name = "CAM.calib")]
     calibration: Option<PathBuf>,
@@ -126,30 +128,20 @@ fn parameters(args: &Args) -> anyhow::Result<Parameters> {
     set(&mut p.seed, args.seed);
     set(&mut p.memory, args.pairs_memory);
     p.linear_light |= args.linear_light;
-    match args.algorithm.as_deref() {
-        Some("ksvd") => p.algorithm = Algorithm::Ksvd,
-        Some("online") => p.algorithm = Algorithm::Online,
-        Some("ista") => p.algorithm = Algorithm::Ista,
-        _ => {}
-    }
+    set(&mut p.algorithm, args.algorithm.map(Algorithm::from));
     if args.low_first {
         p.coupling = Coupling::Low;
     }
     if !args.footprint.is_empty() {
         p.footprints.clear();
-        for name in &args.footprint {
-            let footprint = if name == "point" { Footprint::Point } else { Footprint::Lenslet };
+        for footprint in args.footprint.iter().copied().map(Footprint::from) {
             if p.footprints.contains(&footprint) {
-                return Err(Usage(format!("--footprint names {name} twice")).into());
+                return Err(Usage(format!("--footprint names {footprint} twice")).into());
             }
             p.footprints.push(footprint);
         }
     }
-    match args.base.as_deref() {
-        Some("multiview") => p.base = Some(Interpolation::Multiview),
-        Some(_) => p.base = Some(Interpolation::Barycentric),
-        None => {}
-    }
+    p.base = args.base.map(Interpolation::from).or(p.base);
     if p.base == Some(Interpolation::Multiview) {
         // The simulated camera's truth is what a lenslet sees: a sample is the truth at a point.
         p.footprints = vec![Footprint::Point];
@@ -184,12 +176,10 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if args.resume && !checkpoint.exists() {
         anyhow::bail!("{} does not exist: nothing to resume; start without --resume", checkpoint.display());
     }
-    // Known at once rather than after minutes of training. A dictionary with a checkpoint is of a run that was stopped between
-    // the one and its end.
+    // Before minutes of training. A dictionary beside a checkpoint is of a run that was stopped between writing the one and
+    // removing the other.
     let replace = args.force || args.resume;
-    if args.out.exists() && !replace {
-        return Err(output::Error::Exists(args.out.clone()).into());
-    }
+    refuse_existing(&args.out, replace)?;
     // Opened with the first epoch: training that cannot begin leaves nothing behind.
     let mut file = None;
     let mut lost = None;
@@ -220,12 +210,9 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     } else {
         train(&args.photos, &parameters, Some(&checkpoint), args.resume, progress, &mut line)
     };
-    let outcome = match outcome {
-        Err(lenslet_train::Error::Interrupted) => return Err(Interrupted.into()),
-        other => other?,
-    };
+    let outcome = outcome?;
     dictionary::save(&args.out, &outcome.dictionary, replace)?;
-    // The dictionary stands; pictures of it that cannot be written are worth a word, not a failure.
+    // Plots are optional: a note when they cannot be written.
     let (plot, mosaic) = (beside(".plot.svg"), beside(".atoms.png"));
     let pictures = output::write_file(&plot, true, train_report::convergence(&outcome.trace).as_bytes())
         .map_err(anyhow::Error::from)
@@ -233,9 +220,9 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if let Err(e) = pictures {
         context.progress.note(&format!("no pictures of the run: {e:#}"));
     }
-    // Its work is done; a leftover would only be in the way.
+    // A checkpoint of a finished run would be resumed by mistake.
     let _ = std::fs::remove_file(&checkpoint);
-    // Told only now: a log that cannot be written costs nobody the dictionary.
+    // Only now, so that the dictionary is kept although the log could not be written.
     if let Some(e) = lost {
         return Err(anyhow::Error::new(e).context(format!("cannot write {}", log.display())));
     }

@@ -12,7 +12,7 @@ use ndarray::Array2;
 use serde_json::json;
 
 use super::refocus::load;
-use super::score::parse_views;
+use super::values::parse_views;
 use super::{Context, Outcome, Usage};
 
 /// One HTML file to refocus and move around in, offline, in any browser

@@ -10,7 +10,7 @@ use lenslet_views::multiview::depth_order_of;
 use serde_json::json;
 
 use super::refocus::{ending, load, write_pictures};
-use super::score::parse_views;
+use super::values::parse_views;
 use super::{Context, Outcome, Usage};
 
 /// Move the viewpoint: an animation from all around or side to side
@@ -24,8 +24,8 @@ pub struct Args {
     /// The light field
     light_field: PathBuf,
     /// How the viewpoint moves
-    #[arg(long, default_value = "circle", value_parser = ["circle", "horizontal", "vertical"])]
-    path: String,
+    #[arg(long, value_enum, default_value = "circle")]
+    path: ViewpointPath,
     /// How far, in view steps (default: to the outermost views)
     #[arg(long, value_name = "STEPS")]
     radius: Option<f32>,
@@ -62,14 +62,9 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let field = load(&args.light_field, args.views)?;
     context.progress.check()?;
     let [rows, columns] = field.meta.views;
-    let path = match args.path.as_str() {
-        "horizontal" => ViewpointPath::Horizontal,
-        "vertical" => ViewpointPath::Vertical,
-        _ => ViewpointPath::Circle,
-    };
     // Of an even number of views the middle one has fewer to its right and below.
     let (wide, high) = ((columns - 1 - columns / 2) as f32, (rows - 1 - rows / 2) as f32);
-    let most = match path {
+    let most = match args.path {
         ViewpointPath::Horizontal => wide,
         ViewpointPath::Vertical => high,
         ViewpointPath::Circle => wide.min(high),
@@ -89,7 +84,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         list.sort_unstable_by(f32::total_cmp);
         list[list.len() / 2]
     });
-    let list = viewpoint::viewpoints_along(path, radius, args.frames.into());
+    let list = viewpoint::viewpoints_along(args.path, radius, args.frames.into());
     context.progress.begin("moving", list.len() as u64);
     let mut pictures = Vec::with_capacity(list.len());
     for at in &list {

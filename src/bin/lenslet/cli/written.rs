@@ -1,8 +1,11 @@
 //! Where a light field goes and how it is written: the flags that every command with such a result shares.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use lenslet_core::lightfield::{ColourSpace, Format};
+use lenslet_core::output;
+
+use super::values::FormatName;
 
 /// Output flags. The format is that of a flag, else that of the ending of `--out`.
 #[derive(Debug, clap::Args)]
@@ -12,8 +15,8 @@ pub struct Written {
     pub out: PathBuf,
     /// Format to write: dir (a folder of 16-bit PNGs), npy (float32; v,u,t,s,c), mat (MATLAB level 5, variable LF, single)
     /// or eslf (one lenslet picture, 16-bit PNG) [default: by the ending of --out: .npy, .mat, .png, else dir]
-    #[arg(long, group = "written_format", value_name = "FORMAT", value_parser = ["dir", "npy", "mat", "eslf"])]
-    format: Option<String>,
+    #[arg(long, group = "written_format", value_name = "FORMAT", value_enum, hide_possible_values = true)]
+    format: Option<FormatName>,
     /// Short for --format npy
     #[arg(long, group = "written_format")]
     npy: bool,
@@ -47,8 +50,7 @@ impl Written {
             (true, ..) => Some(Format::Npy),
             (_, true, _) => Some(Format::Mat),
             (_, _, true) => Some(Format::Eslf),
-            // The parser lets only names pass that are formats.
-            _ => self.format.as_deref().and_then(|name| name.parse().ok()),
+            _ => self.format.map(Format::from),
         }
     }
 
@@ -56,6 +58,14 @@ impl Written {
     pub fn colour(&self) -> ColourSpace {
         if self.linear { ColourSpace::Linear } else { ColourSpace::Srgb }
     }
+}
+
+/// Refuses to replace what stands at `path`, unless `force`: before the work rather than after it.
+pub fn refuse_existing(path: &Path, force: bool) -> Result<(), output::Error> {
+    if !force && path.symlink_metadata().is_ok() {
+        return Err(output::Error::Exists(path.to_path_buf()));
+    }
+    Ok(())
 }
 
 /// What a file of this format is called after its stem; nothing for a folder.

@@ -9,34 +9,35 @@ use lenslet_core::progress::Observer;
 use crate::cli::{Context, Usage};
 
 /// What is known of one calibration file without keeping it in memory.
-struct Candidate {
+struct StoredCalibration {
     path: PathBuf,
     size: (usize, usize),
     origin: calibration::CalibrationOrigin,
 }
 
 /// Calibrations to choose from; the last one used stays loaded.
-pub struct Shelf {
-    candidates: Vec<Candidate>,
+pub struct CalibrationStore {
+    candidates: Vec<StoredCalibration>,
     /// White images instead of calibrations: a calibration folder, bundle or archive.
     whites: Option<PathBuf>,
     place: Option<PathBuf>,
     last: Option<(PathBuf, Calibration)>,
 }
 
-impl Shelf {
+impl CalibrationStore {
     /// Opens a calibration file, a folder of them, or white images (a camera's calibration folder, data.C.n bundle or
     /// .tar). Without any, captures must carry their own white image.
-    pub fn open(path: Option<&Path>, context: &Context) -> anyhow::Result<Shelf> {
-        let mut shelf = Shelf { candidates: Vec::new(), whites: None, place: path.map(Path::to_path_buf), last: None };
-        let Some(path) = path else { return Ok(shelf) };
+    pub fn open(path: Option<&Path>, context: &Context) -> anyhow::Result<CalibrationStore> {
+        let mut store =
+            CalibrationStore { candidates: Vec::new(), whites: None, place: path.map(Path::to_path_buf), last: None };
+        let Some(path) = path else { return Ok(store) };
         if !path.is_dir() {
             if members::members(path).is_ok() {
-                shelf.whites = Some(path.to_path_buf());
-                return Ok(shelf);
+                store.whites = Some(path.to_path_buf());
+                return Ok(store);
             }
-            shelf.add(path)?;
-            return Ok(shelf);
+            store.add(path)?;
+            return Ok(store);
         }
         let failed = |e: std::io::Error| anyhow::anyhow!("{}: {e}", path.display());
         let mut files = Vec::new();
@@ -49,27 +50,27 @@ impl Shelf {
         files.sort();
         for file in files {
             context.progress.check()?;
-            if let Err(e) = shelf.add(&file) {
+            if let Err(e) = store.add(&file) {
                 context.progress.note(&format!("passed over: {e:#}"));
             }
         }
-        if shelf.candidates.is_empty() {
+        if store.candidates.is_empty() {
             if !whites::list_calibration_images(path)?.images.is_empty() {
-                shelf.whites = Some(path.to_path_buf());
-                return Ok(shelf);
+                store.whites = Some(path.to_path_buf());
+                return Ok(store);
             }
             anyhow::bail!(
                 "{}: no calibration (.calib) and no white images in this folder; make a calibration with `lenslet calibrate`",
                 path.display()
             );
         }
-        Ok(shelf)
+        Ok(store)
     }
 
     fn add(&mut self, path: &Path) -> anyhow::Result<()> {
         let found = calibration::load(path)?;
         let (size, origin) = ((found.width, found.height), found.origin.clone());
-        self.candidates.push(Candidate { path: path.to_path_buf(), size, origin });
+        self.candidates.push(StoredCalibration { path: path.to_path_buf(), size, origin });
         self.last = Some((path.to_path_buf(), found));
         Ok(())
     }
@@ -94,7 +95,7 @@ impl Shelf {
             return self.by_whites(&place, capture, context);
         }
         let size = (capture.mosaic.width, capture.mosaic.height);
-        let fitting: Vec<&Candidate> = self.candidates.iter().filter(|c| c.size == size).collect();
+        let fitting: Vec<&StoredCalibration> = self.candidates.iter().filter(|c| c.size == size).collect();
         let camera = &capture.camera;
         let same = |a: &Option<String>, b: &Option<String>| matches!((a, b), (Some(a), Some(b)) if a == b);
         let other = |a: &Option<String>, b: &Option<String>| matches!((a, b), (Some(a), Some(b)) if a != b);
@@ -188,7 +189,7 @@ fn steps(a: Option<i64>, b: Option<i64>) -> u64 {
     }
 }
 
-fn reason(c: &Candidate, camera: &CameraFacts, only: bool) -> String {
+fn reason(c: &StoredCalibration, camera: &CameraFacts, only: bool) -> String {
     let mut parts = Vec::new();
     if only {
         parts.push("the one given".to_string());

@@ -29,7 +29,7 @@ pub struct Change {
 }
 
 /// Changes from `old` to `new`, seconds aside.
-pub fn changes(old: &[Record], new: &[Record]) -> Vec<Change> {
+pub fn compare_runs(old: &[Record], new: &[Record]) -> Vec<Change> {
     let (old, new) = (tables(old), tables(new));
     let mut changes = Vec::new();
     for table in &new {
@@ -38,13 +38,13 @@ pub fn changes(old: &[Record], new: &[Record]) -> Vec<Change> {
             let Some(same) = before.rows.iter().find(|r| r.variant == row.variant && r.subject == row.subject) else {
                 continue;
             };
-            compare(table, row, before, same, &mut changes);
+            compare_rows(table, row, before, same, &mut changes);
         }
     }
     changes
 }
 
-fn compare(
+fn compare_rows(
     table: &Table,
     row: &super::table::Row,
     before: &Table,
@@ -74,7 +74,7 @@ fn compare(
 }
 
 /// In words: what differs, the clear changes marked.
-pub fn words(changes: &[Change]) -> String {
+pub fn describe_changes(changes: &[Change]) -> String {
     let mut out = String::new();
     let different: Vec<&Change> = changes.iter().filter(|c| c.old != c.new).collect();
     let _ = writeln!(out, "{} scores compared, {} differ", changes.len(), different.len());
@@ -118,10 +118,10 @@ mod tests {
             record("noise", "b", 1, Some(25.0)),
             record("noise", "fresh", 1, Some(1.0)),
         ];
-        let changes = changes(&old, &new);
+        let changes = compare_runs(&old, &new);
         assert_eq!(changes.len(), 2);
         assert!(changes[0].clear && changes[0].direction == 1 && !changes[1].clear);
-        assert!(words(&changes).contains("2 scores compared, 1 differ"));
-        assert!(super::changes(&new, &old)[0].direction == -1);
+        assert!(describe_changes(&changes).contains("2 scores compared, 1 differ"));
+        assert!(super::compare_runs(&new, &old)[0].direction == -1);
     }
 }

@@ -63,12 +63,12 @@ pub struct Verdict {
 }
 
 /// Judges every ordering that the records say something about. `must` is set on the scene `natural` only.
-pub fn verdicts(records: &[Record]) -> Vec<Verdict> {
+pub fn judge_orderings(records: &[Record]) -> Vec<Verdict> {
     let all = ORDERINGS.into_iter().chain([over("calibration", "full", "none")]);
-    all.flat_map(|o| judge(o, records)).collect()
+    all.flat_map(|o| judge_ordering(o, records)).collect()
 }
 
-fn judge(ordering: Ordering, records: &[Record]) -> Vec<Verdict> {
+fn judge_ordering(ordering: Ordering, records: &[Record]) -> Vec<Verdict> {
     let Ordering { experiment, better, worse } = ordering;
     let mut verdicts = Vec::new();
     for score in ["psnr", "hidden_psnr"] {
@@ -101,7 +101,7 @@ fn judge(ordering: Ordering, records: &[Record]) -> Vec<Verdict> {
 }
 
 /// Orderings that had to hold and do not, and those about which the records say nothing although they have the experiment.
-pub fn broken(verdicts: &[Verdict], records: &[Record]) -> Vec<String> {
+pub fn broken_orderings(verdicts: &[Verdict], records: &[Record]) -> Vec<String> {
     let mut out: Vec<String> = verdicts
         .iter()
         .filter(|v| v.must && !v.holds)
@@ -140,16 +140,16 @@ mod tests {
             record("resampling", "multiview", 1, Some(25.0)),
             record("resampling", "learned on multiview", 1, Some(26.0)),
         ];
-        let verdicts = verdicts(&records);
+        let verdicts = judge_orderings(&records);
         let find = |b: &str| verdicts.iter().find(|v| v.better == b).unwrap();
         assert!(find("barycentric").holds && find("barycentric").must);
         assert_eq!((find("barycentric").margin.mean, find("barycentric").margin.n), (1.25, 2));
         assert_eq!((find("learned").margin.mean, find("learned").margin.n, find("learned").holds), (-0.5, 1, false));
-        let broken = super::broken(&verdicts, &records);
+        let broken = super::broken_orderings(&verdicts, &records);
         assert!(broken.iter().any(|b| b.contains("learned is not over barycentric")), "{broken:?}");
         assert_eq!(broken.len(), 1);
         // An experiment that is there without what must be compared is no success.
-        let broken = super::broken(&super::verdicts(&records[..4]), &records[..4]);
+        let broken = super::broken_orderings(&super::judge_orderings(&records[..4]), &records[..4]);
         assert!(broken.iter().any(|b| b.contains("learned and barycentric could not")), "{broken:?}");
     }
 }

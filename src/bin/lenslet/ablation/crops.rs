@@ -14,12 +14,14 @@ use crate::report::EmbeddedPicture;
 use crate::report::embedded::{difference_map, most_detailed_place};
 
 /// Side of a crop, pixels.
+/// Source: chosen.
 const SIDE: usize = 140;
-/// How much differences are enlarged.
+/// How much differences are amplified.
+/// Source: chosen.
 pub(super) const GAIN: f32 = 6.0;
 
 /// Where a scene is looked at closely: the upper left corner of the crop. On the chart the line pairs next to the middle.
-pub(super) fn place(kind: Kind, regions: &[Region], size: (usize, usize)) -> (usize, usize) {
+pub(super) fn corner_in_scene(kind: Kind, regions: &[Region], size: (usize, usize)) -> (usize, usize) {
     let middle = |r: &Region| [(r.bounds[0] + r.bounds[2]) / 2.0, (r.bounds[1] + r.bounds[3]) / 2.0];
     let distance = |r: &&Region| {
         let [x, y] = middle(r);
@@ -34,7 +36,7 @@ pub(super) fn place(kind: Kind, regions: &[Region], size: (usize, usize)) -> (us
 }
 
 /// Where a real capture shows most detail, whatever is made of it: the upper left corner of the crop of a view of `size`.
-pub(super) fn of_most_detail(mosaic: &RawMosaic, size: (usize, usize)) -> (usize, usize) {
+pub(super) fn corner_in_capture(mosaic: &RawMosaic, size: (usize, usize)) -> (usize, usize) {
     // Means of squares that hold some micro-images each.
     const SQUARE: usize = 20;
     let (width, height) = (mosaic.width / SQUARE, mosaic.height / SQUARE);
@@ -52,7 +54,7 @@ fn corner(at: [f64; 2], (width, height): (usize, usize)) -> (usize, usize) {
 
 /// Writes the crop and, where there is a truth, the crop's difference from it, and the truth; names by what they show. `image`
 /// linear, `truth` encoded.
-pub(super) fn save(
+pub(super) fn save_crops(
     out: &Path,
     key: &str,
     image: &Array3<f32>,

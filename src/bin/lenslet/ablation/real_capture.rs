@@ -1,4 +1,4 @@
-//! A real camera's files: its white images and captures, each read once, and the calibrations made of the white images.
+//! Real captures: a camera's files: its white images and captures, each read once, and the calibrations made of the white images.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
@@ -10,13 +10,13 @@ use lenslet_core::progress::Observer;
 
 /// What was read and made so far.
 #[derive(Default)]
-pub(super) struct Real {
+pub(super) struct RealCaptures {
     whites: Vec<Capture>,
     capture: Option<(PathBuf, Capture)>,
     calibrations: HashMap<&'static str, Calibration>,
 }
 
-impl Real {
+impl RealCaptures {
     /// The capture and the camera's calibration of that variant.
     pub(super) fn get(
         &mut self,

@@ -1,4 +1,4 @@
-//! Simulated worlds: a camera, a scene, a capture with its white images, and the true views, kept while runs need them.
+//! Simulated captures: a camera, a scene, the capture with its white images, and the true views, kept while runs need them.
 
 use std::collections::HashMap;
 
@@ -9,12 +9,14 @@ use lenslet_core::progress::Observer;
 use lenslet_data_gen::simulate::{self, Camera, Kind, Options, Scene, Simulation};
 use ndarray::{Array2, Array3};
 
-use super::{Settings, dictionaries};
+use super::dictionaries::TrainedDictionaries;
+use super::settings::Settings;
 
-/// Worlds kept at once; runs come sorted by world, so more are hardly ever needed again.
+/// Captures kept at once; runs come sorted by capture, so that an older one is rarely needed again.
+/// Source: chosen.
 const KEPT: usize = 2;
 
-/// What distinguishes worlds. Noise in thousandths, so that it can be compared.
+/// What distinguishes captures. Noise in thousandths, so that it can be compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Key {
     kind: Kind,
@@ -23,7 +25,7 @@ struct Key {
 }
 
 /// A scene, its captures and its truth.
-pub(super) struct World {
+pub(super) struct SimulatedCapture {
     key: Key,
     pub(super) camera: Camera,
     pub(super) scene: Scene,
@@ -34,49 +36,55 @@ pub(super) struct World {
     truths: HashMap<(usize, usize, usize), Array3<f32>>,
 }
 
-/// The worlds of a call.
-pub(super) struct Worlds {
+/// The captures of a call, and the dictionaries trained for them.
+pub(super) struct SimulatedCaptures {
     sensor: usize,
     size: usize,
-    kept: Vec<World>,
-    trained: dictionaries::Store,
+    kept: Vec<SimulatedCapture>,
+    trained: TrainedDictionaries,
 }
 
-impl Worlds {
+impl SimulatedCaptures {
     pub(super) fn new(settings: &Settings) -> Self {
-        Worlds {
+        SimulatedCaptures {
             sensor: settings.sensor(),
             size: settings.size(),
             kept: Vec::new(),
-            trained: dictionaries::Store::default(),
+            trained: TrainedDictionaries::default(),
         }
     }
 
     /// The dictionaries trained so far.
-    pub(super) fn trained(&mut self) -> &mut dictionaries::Store {
+    pub(super) fn trained(&mut self) -> &mut TrainedDictionaries {
         &mut self.trained
     }
 
-    /// The world of `kind` under `seed`, made when it is not there.
-    pub(super) fn get(&mut self, kind: Kind, seed: u64, noise: f64, observer: &dyn Observer) -> Result<&mut World> {
+    /// The capture of a scene of `kind` under `seed`, made when it is not there.
+    pub(super) fn get(
+        &mut self,
+        kind: Kind,
+        seed: u64,
+        noise: f64,
+        observer: &dyn Observer,
+    ) -> Result<&mut SimulatedCapture> {
         let key = Key { kind, seed, noise: (1000.0 * noise).round() as u64 };
-        if let Some(at) = self.kept.iter().position(|w| w.key == key) {
+        if let Some(at) = self.kept.iter().position(|c| c.key == key) {
             // The last one used stays longest.
-            let world = self.kept.remove(at);
-            self.kept.push(world);
+            let capture = self.kept.remove(at);
+            self.kept.push(capture);
         } else {
             if self.kept.len() >= KEPT {
                 self.kept.remove(0);
             }
-            self.kept.push(World::new(key, self.sensor, self.size, noise, observer)?);
+            self.kept.push(SimulatedCapture::new(key, self.sensor, self.size, noise, observer)?);
         }
         let last = self.kept.len() - 1;
         Ok(&mut self.kept[last])
     }
 }
 
-impl World {
-    fn new(key: Key, sensor: usize, size: usize, noise: f64, observer: &dyn Observer) -> Result<World> {
+impl SimulatedCapture {
+    fn new(key: Key, sensor: usize, size: usize, noise: f64, observer: &dyn Observer) -> Result<SimulatedCapture> {
         let mut camera = Camera::with_sensor(sensor);
         // Another camera for every seed: its lattice lies and turns differently.
         let turn = |k: u64| ((key.seed.wrapping_mul(k) % 1000) as f64) / 1000.0;
@@ -86,10 +94,18 @@ impl World {
         let options = Options { seed: key.seed, noise, whites: 2 };
         let simulation = simulate::render(&scene, &camera, &options, observer)?;
         let size = simulate::output_size(&camera, size);
-        Ok(World { key, camera, scene, simulation, size, calibrations: HashMap::new(), truths: HashMap::new() })
+        Ok(SimulatedCapture {
+            key,
+            camera,
+            scene,
+            simulation,
+            size,
+            calibrations: HashMap::new(),
+            truths: HashMap::new(),
+        })
     }
 
-    /// The calibration of a variant, from the world's own white images.
+    /// The calibration of a variant, from the capture's own white images.
     pub(super) fn calibration(&mut self, variant: CalibrationVariant, observer: &dyn Observer) -> Result<&Calibration> {
         if !self.calibrations.contains_key(variant.name()) {
             let options = calibration::CalibrationOptions { variant, ..calibration::CalibrationOptions::default() };

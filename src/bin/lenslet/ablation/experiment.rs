@@ -1,0 +1,85 @@
+//! The experiments: their names, and what each asks (paper section 5, figures 8 to 11, and what goes past it).
+
+use std::str::FromStr;
+
+use serde::Serialize;
+
+/// One of the experiments.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Experiment {
+    /// Without calibration, rotation only, full (figure 8).
+    Calibration,
+    /// Whole pixels, paraboloids, lattice and residual (figure 9).
+    Subpixel,
+    /// The paper's four methods and ours (figures 10, 11).
+    Resampling,
+    /// What of the dictionary matters.
+    Dictionary,
+    /// Captures of rising noise.
+    Noise,
+    /// How three colours come from one.
+    Demosaic,
+    /// With and without division by the white image.
+    Vignetting,
+    /// How many views refine each other.
+    Views,
+    /// Light fields of other tools on the same truth.
+    Peers,
+}
+
+impl Experiment {
+    /// All, in the order of the report.
+    pub const ALL: [Experiment; 9] = [
+        Experiment::Calibration,
+        Experiment::Subpixel,
+        Experiment::Resampling,
+        Experiment::Dictionary,
+        Experiment::Noise,
+        Experiment::Demosaic,
+        Experiment::Vignetting,
+        Experiment::Views,
+        Experiment::Peers,
+    ];
+
+    /// Name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Experiment::Calibration => "calibration",
+            Experiment::Subpixel => "subpixel",
+            Experiment::Resampling => "resampling",
+            Experiment::Dictionary => "dictionary",
+            Experiment::Noise => "noise",
+            Experiment::Demosaic => "demosaic",
+            Experiment::Vignetting => "vignetting",
+            Experiment::Views => "views",
+            Experiment::Peers => "peers",
+        }
+    }
+
+    /// What it asks, in a sentence.
+    pub fn question(self) -> &'static str {
+        match self {
+            Experiment::Calibration => "What does calibration give? (figure 8 of the paper)",
+            Experiment::Subpixel => "What do sub-pixel lenslet centres give? (figure 9)",
+            Experiment::Resampling => "What do the ways from samples to views give? (figures 10 and 11)",
+            Experiment::Dictionary => "Which parameters of the dictionary matter, and what do they cost?",
+            Experiment::Noise => "How do the methods take noise?",
+            Experiment::Demosaic => "What does the kind of demosaic change, in the middle view and the outer ones?",
+            Experiment::Vignetting => "What does division by the white image change?",
+            Experiment::Views => "How many views should refine each other?",
+            Experiment::Peers => "What do light fields decoded by other tools score on the same truth?",
+        }
+    }
+}
+
+impl FromStr for Experiment {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        Experiment::ALL.into_iter().find(|e| e.name() == text).ok_or_else(|| {
+            let names: Vec<_> = Experiment::ALL.iter().map(|e| e.name()).collect();
+            format!("no experiment is named {text:?}; there are {}", names.join(", "))
+        })
+    }
+}

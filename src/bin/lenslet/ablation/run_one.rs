@@ -1,0 +1,195 @@
+//! A run from its capture to its scores: calibrate, decode, render as the chain says, compare.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::{Context as _, Result};
+use lenslet_core::container;
+use lenslet_core::decode::{self, Step};
+use lenslet_core::dictionary::{Dictionary, Interpolation};
+use lenslet_core::digest::sha256_hex;
+use lenslet_core::progress::Observer;
+use lenslet_data_gen::simulate::Kind;
+use ndarray::Array3;
+
+use super::chain::Chain;
+use super::experiment::Experiment;
+use super::matrix::{Run, Subject};
+use super::method::Method;
+use super::real_capture::RealCaptures;
+use super::record::Scored;
+use super::render::{RenderCache, render};
+use super::settings::Settings;
+use super::simulated_capture::SimulatedCaptures;
+use super::{crops, dictionaries, peers, scores};
+use lenslet_views::reconstruct;
+use lenslet_views::{Target, multiview};
+
+/// Share of lenslets hidden on real captures.
+const HIDDEN: f64 = 0.1;
+/// Longer side of real captures' views, pixels.
+const SIDE: usize = 1080;
+
+/// What runs share, so that nothing is made twice in a call.
+pub(super) struct Caches {
+    simulated: SimulatedCaptures,
+    real: RealCaptures,
+    rendered: RenderCache,
+}
+
+impl Caches {
+    pub(super) fn new(settings: &Settings) -> Self {
+        Caches {
+            simulated: SimulatedCaptures::new(settings),
+            real: RealCaptures::default(),
+            rendered: RenderCache::default(),
+        }
+    }
+}
+
+/// Makes the views of a run and scores them.
+pub(super) fn run_one(
+    run: &Run,
+    settings: &Settings,
+    caches: &mut Caches,
+    out: &Path,
+    observer: &dyn Observer,
+) -> Result<Scored> {
+    match &run.subject {
+        Subject::Scene(kind) => run_simulated(run, *kind, settings, caches, out, observer),
+        Subject::Capture(path) => run_captured(run, path, settings, caches, out, observer),
+        Subject::Peer(name, path) => peers::score_peer(name, path, settings, out, run),
+    }
+}
+
+/// A simulated scene, scored against its truth.
+fn run_simulated(
+    run: &Run,
+    kind: Kind,
+    settings: &Settings,
+    caches: &mut Caches,
+    out: &Path,
+    observer: &dyn Observer,
+) -> Result<Scored> {
+    let chain = &run.chain;
+    let Caches { simulated, rendered, .. } = caches;
+    let mut scored = Scored::default();
+    let dictionary = dictionary_of(chain, run.seed, settings, simulated, &mut scored, observer)?;
+    let capture = simulated.get(kind, run.seed, chain.noise, observer)?;
+    let calibration = capture.calibration(chain.calibration, observer)?.clone();
+    let target = Target { width: capture.size.0, height: capture.size.1 };
+
+    // The middle view, one at the rim of the micro-images, and the corner, where little light is left.
+    let (n, middle) = (chain.views, chain.views / 2);
+    let wanted = [(middle, middle), (middle, n - 1), (0, 0)];
+    let steps = steps_to_samples(chain)?;
+    rendered.enter(&format!("{} {} {}", kind.name(), run.seed, chain.noise), "");
+    let (samples, kept) = rendered.decoded(&steps, || {
+        Ok(decode::samples(&capture.simulation.capture, &calibration, &decode_options(chain), observer)?)
+    })?;
+    let views = render((&steps, samples), &target, chain.method, &wanted, dictionary.as_ref(), kept, observer)?;
+    scored.step_seconds = views.seconds;
+    let images = views.images;
+
+    if matches!(run.experiment, Experiment::Calibration | Experiment::Subpixel | Experiment::Noise) {
+        let centres: Vec<[f64; 2]> = calibration.lenslets.iter().map(|l| [l.x, l.y]).collect();
+        scored.scores.insert("centres_rms".into(), scores::centres_rms(&centres, &capture.simulation.centres));
+    }
+    let truths: Vec<Array3<f32>> = wanted.iter().map(|&(v, u)| capture.truth(v, u, n).clone()).collect();
+    scores::score_against_truth(&images, &truths, &mut scored.scores)?;
+    if matches!(kind, Kind::Chart | Kind::Flat | Kind::Slanted) {
+        let steps = ((n - 1 - middle) as f64, 0.0);
+        scores::score_agreement(&images, &capture.disparity(), steps, &mut scored.scores)?;
+    }
+    if kind == Kind::Chart {
+        scores::score_chart(&images[0], &truths[0], &capture.scene.regions, capture.pitch(), &mut scored.scores);
+    }
+    if run.seed == 1 {
+        let crop = crops::corner_in_scene(kind, &capture.scene.regions, capture.size);
+        scored.pictures = crops::save_crops(out, &run.key(), &images[0], Some(&truths[0]), crop)?;
+    }
+    Ok(scored)
+}
+
+/// A real capture, scored on hidden lenslets.
+fn run_captured(
+    run: &Run,
+    path: &Path,
+    settings: &Settings,
+    caches: &mut Caches,
+    out: &Path,
+    observer: &dyn Observer,
+) -> Result<Scored> {
+    let chain = &run.chain;
+    let Caches { real, rendered, .. } = caches;
+    let mut scored = Scored::default();
+    let (capture, calibration) = real.get(path, &settings.whites, chain.calibration, observer)?;
+    let target = Target::longer((capture.mosaic.width, capture.mosaic.height), SIDE);
+    let middle = chain.views / 2;
+    let wanted = [(middle, middle)];
+    let dictionary = embedded_dictionary(chain.method)?;
+    let steps = steps_to_samples(chain)?;
+    rendered.enter(&path.to_string_lossy(), &run.seed.to_string());
+    let mut options = decode_options(chain);
+    // As `decode` does it: colours that went through a JPEG coder are calmed, and scores are of linear light.
+    options.steps.retain(|s| !matches!(s, Step::Gamut));
+    if container::is_jpeg(path) {
+        let after = options.steps.iter().position(|s| matches!(s, Step::Demosaic(_))).map_or(0, |k| k + 1);
+        options.steps.insert(after, Step::CalmColours);
+    }
+    let (samples, kept) =
+        rendered.decoded(&steps, || Ok(decode::samples(capture, calibration, &options, observer)?))?;
+    let mut image = None;
+    let score = multiview::hidden_score::<anyhow::Error>(samples, &target, HIDDEN, run.seed, wanted[0], &mut |rest| {
+        let mut made = render((&steps, rest), &target, chain.method, &wanted, dictionary.as_ref(), kept, observer)?;
+        scored.step_seconds = made.seconds;
+        let view = made.images.pop().context("no view was rendered")?;
+        Ok(image.insert(view).clone())
+    })?;
+    scored.scores.insert("hidden_psnr".into(), score.psnr);
+    if let Some(image) = image.filter(|_| run.seed == 1) {
+        let crop = crops::corner_in_capture(&capture.mosaic, (target.width, target.height));
+        scored.pictures = crops::save_crops(out, &run.key(), &image, None, crop)?;
+    }
+    scored.hashes = real.hashes(&settings.whites);
+    Ok(scored)
+}
+
+/// Names all of a chain's steps up to the samples.
+fn steps_to_samples(chain: &Chain) -> Result<String> {
+    let same = Chain { method: Method::Barycentric, training: None, ..chain.clone() };
+    Ok(serde_json::to_string(&same)?)
+}
+
+fn decode_options(chain: &Chain) -> decode::Options {
+    decode::Options { views: chain.views, steps: chain.steps(), ..decode::Options::default() }
+}
+
+/// The embedded dictionary for a method that needs one.
+fn embedded_dictionary(method: Method) -> Result<Option<Dictionary>> {
+    let base = match method {
+        Method::Learned => Interpolation::Barycentric,
+        Method::LearnedMultiview => Interpolation::Multiview,
+        _ => return Ok(None),
+    };
+    reconstruct::embedded_for(base).map(Some).context("the embedded dictionary")
+}
+
+/// The dictionary of the run: trained for it, or the embedded one where its method needs one.
+fn dictionary_of(
+    chain: &Chain,
+    seed: u64,
+    settings: &Settings,
+    simulated: &mut SimulatedCaptures,
+    scored: &mut Scored,
+    observer: &dyn Observer,
+) -> Result<Option<Dictionary>> {
+    let Some(training) = &chain.training else {
+        return embedded_dictionary(chain.method);
+    };
+    let trained = dictionaries::train_once(training, seed, settings, simulated.trained(), observer)?;
+    scored.scores.insert("train_seconds".into(), trained.seconds);
+    let bytes = lenslet_core::dictionary::to_bytes(&trained.dictionary)?;
+    scored.hashes = BTreeMap::from([("dictionary".to_owned(), sha256_hex(&bytes))]);
+    Ok(Some(trained.dictionary.clone()))
+}

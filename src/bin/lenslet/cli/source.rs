@@ -1,0 +1,38 @@
+//! Where a light field comes from and how it is read: the options that every command with such an input shares.
+
+use std::path::{Path, PathBuf};
+
+use lenslet_core::lightfield::{ColourSpace, ReadOptions};
+
+use super::values::parse_views;
+
+/// A light field of any tool.
+#[derive(Debug, clap::Args)]
+pub struct SourceArgs {
+    /// The light field, in any format that convert reads
+    pub input: PathBuf,
+    /// Views (N or ROWSxCOLUMNS) of a lenslet picture, or of pictures numbered in a row
+    #[arg(long, value_name = "N", value_parser = parse_views)]
+    views: Option<[usize; 2]>,
+    /// The input holds linear light, and does not say so itself
+    #[arg(long)]
+    input_linear: bool,
+}
+
+impl SourceArgs {
+    /// How it is read.
+    pub fn options(&self) -> ReadOptions {
+        let colour = self.input_linear.then_some(ColourSpace::Linear);
+        ReadOptions { views: self.views, colour, ..ReadOptions::default() }
+    }
+
+    /// The name of the file or folder, as provenance has it.
+    pub fn name(&self) -> Option<String> {
+        file_name(&self.input)
+    }
+}
+
+/// The last part of a path.
+pub fn file_name(path: &Path) -> Option<String> {
+    path.file_name().map(|n| n.to_string_lossy().into_owned())
+}
