@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use serde::Serialize;
 
 use super::record::Record;
-use super::table::{Table, of_name, tables};
+use super::table::{Table, score_named, tabulate};
 
 /// A cell in both runs.
 #[derive(Debug, Clone, Serialize)]
@@ -30,7 +30,7 @@ pub struct Change {
 
 /// Changes from `old` to `new`, seconds aside.
 pub fn compare_runs(old: &[Record], new: &[Record]) -> Vec<Change> {
-    let (old, new) = (tables(old), tables(new));
+    let (old, new) = (tabulate(old), tabulate(new));
     let mut changes = Vec::new();
     for table in &new {
         let Some(before) = old.iter().find(|t| t.experiment == table.experiment) else { continue };
@@ -58,7 +58,7 @@ fn compare_rows(
             continue;
         }
         let clear = (b.mean - a.mean).abs() > a.spread + b.spread && a.mean != b.mean;
-        let better = of_name(name).map_or(0, |s| s.better);
+        let better = score_named(name).map_or(0, |s| s.better);
         let direction = if clear { better * if b.mean > a.mean { 1 } else { -1 } } else { 0 };
         changes.push(Change {
             experiment: table.experiment.clone(),

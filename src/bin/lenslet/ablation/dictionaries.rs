@@ -15,11 +15,13 @@ use lenslet_train::{Coupling, Parameters};
 use super::chain::Training;
 use super::settings::Settings;
 
-/// Simulated pictures trained on where there are no photos, and where their seeds begin: far from those of the runs.
+/// Simulated pictures to train on where there are no photos.
+/// Source: chosen.
 const PICTURES: u64 = 6;
+/// The first of their seeds: none of a run's own.
 const FIRST_SEED: u64 = 9000;
 
-/// A dictionary and what it cost.
+/// A dictionary and the seconds its training took.
 pub(super) struct Trained {
     pub(super) dictionary: Dictionary,
     pub(super) seconds: f64,

@@ -98,7 +98,7 @@ pub fn plan(settings: &Settings) -> Result<Vec<Run>> {
             }
             if can_use_real_captures(experiment) && !settings.whites.is_empty() {
                 for capture in &settings.captures {
-                    // Another seed hides other lenslets of the same capture, which changes little: one will do for a look.
+                    // Another seed hides other lenslets of the same capture, which changes little: quick runs take one.
                     for seed in settings.seeds().take(if settings.quick { 1 } else { usize::MAX }) {
                         let subject = Subject::Capture(capture.clone());
                         runs.push(run_of(settings, experiment, &variant, &chain, subject, seed));

@@ -1,7 +1,7 @@
 //! The paper's experiments (section 5) as a run matrix: every run one JSON line with its parameters and scores, tables and a
 //! page made from the lines.
 //!
-//! [`plan`] says what would be run, [`run`] runs what is missing and appends to `runs.jsonl`, [`write_tables`] and
+//! [`plan`] lists the runs, [`run`] makes those that are missing and appends to `runs.jsonl`, [`write_tables`] and
 //! [`page::write_page`] turn lines into tables and the report, [`orderings`] asserts the orderings that must hold, [`compare`]
 //! compares two runs. A run that was interrupted goes on where it stopped.
 
@@ -82,8 +82,8 @@ pub fn run(out: &Path, settings: &Settings, force: bool, observer: &dyn Observer
 pub fn write_tables(out: &Path, tables: &[table::Table]) -> Result<()> {
     let json = serde_json::to_vec_pretty(tables)?;
     output::write_file(&out.join("tables.json"), true, &json)?;
-    output::write_file(&out.join("tables.csv"), true, table::csv(tables).as_bytes())?;
-    output::write_file(&out.join("tables.md"), true, table::markdown(tables).as_bytes())?;
+    output::write_file(&out.join("tables.csv"), true, table::tables_to_csv(tables).as_bytes())?;
+    output::write_file(&out.join("tables.md"), true, table::tables_to_markdown(tables).as_bytes())?;
     Ok(())
 }
 

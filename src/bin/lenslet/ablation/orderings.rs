@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::record::Record;
-use super::table::{Cell, cell};
+use super::table::{Cell, summarise};
 
 /// One that must hold: in this experiment and on this subject, `better` scores more than `worse`.
 #[derive(Debug, Clone, Copy)]
@@ -62,7 +62,7 @@ pub struct Verdict {
     pub must: bool,
 }
 
-/// Judges every ordering that the records say something about. `must` is set on the scene `natural` only.
+/// The verdict on every ordering whose two rows the records have. `must` is set on the scene `natural` only.
 pub fn judge_orderings(records: &[Record]) -> Vec<Verdict> {
     let all = ORDERINGS.into_iter().chain([over("calibration", "full", "none")]);
     all.flat_map(|o| judge_ordering(o, records)).collect()
@@ -82,7 +82,7 @@ fn judge_ordering(ordering: Ordering, records: &[Record]) -> Vec<Verdict> {
         }
         for (subject, seeds) in pairs {
             let differences: Vec<f64> = seeds.values().filter_map(|[a, b]| Some((*a)? - (*b)?)).collect();
-            if let Some(margin) = cell(&differences) {
+            if let Some(margin) = summarise(&differences) {
                 let must = subject == "natural" && MUST.contains(&(better, worse));
                 verdicts.push(Verdict {
                     experiment: experiment.into(),
@@ -100,7 +100,7 @@ fn judge_ordering(ordering: Ordering, records: &[Record]) -> Vec<Verdict> {
     verdicts
 }
 
-/// Orderings that had to hold and do not, and those about which the records say nothing although they have the experiment.
+/// Orderings that had to hold and do not, and those of an experiment in the records whose two rows are missing.
 pub fn broken_orderings(verdicts: &[Verdict], records: &[Record]) -> Vec<String> {
     let mut out: Vec<String> = verdicts
         .iter()

@@ -7,10 +7,10 @@ use lenslet_core::output;
 use ndarray::Array3;
 
 use super::orderings::Verdict;
-use super::table::{Row, SCORES, Table, best, by_subject, of_name, words};
+use super::table::{Row, SCORES, Table, format_cell, is_best, score_named, split_by_subject};
 use super::{crops, plot};
 use crate::report::embedded::most_detailed_place;
-use crate::report::plot::{Series, curves};
+use crate::report::plot::{Series, line_plot};
 use crate::report::{self, EmbeddedPicture, Page, Stage};
 
 /// Scores that are plotted where an experiment has them.
@@ -53,7 +53,7 @@ fn orderings(verdicts: &[Verdict]) -> report::Table {
             v.subject.clone(),
             v.better.clone(),
             v.worse.clone(),
-            words(&v.margin, 2),
+            format_cell(&v.margin, 2),
             verdict.into(),
         ]
     };
@@ -68,7 +68,7 @@ fn orderings(verdicts: &[Verdict]) -> report::Table {
 fn section(page: &mut Page, out: &Path, table: &Table) {
     page.heading(&table.experiment);
     page.paragraph(&table.question);
-    let meaning = |name: &str| of_name(name).map_or(name.to_owned(), |s| format!("{}: {}", s.heading, s.meaning));
+    let meaning = |name: &str| score_named(name).map_or(name.to_owned(), |s| format!("{}: {}", s.heading, s.meaning));
     let mut drawings: Vec<(String, String)> =
         PLOTTED.iter().filter_map(|name| Some((plot::dots(table, name)?, meaning(name)))).collect();
     drawings.extend(against_time(table).map(|svg| {
@@ -78,7 +78,7 @@ fn section(page: &mut Page, out: &Path, table: &Table) {
         drawings.extend(line_pairs(table, which + 1).map(|svg| (svg, meaning(name))));
     }
     page.drawings(&drawings);
-    for (subject, part) in by_subject(table) {
+    for (subject, part) in split_by_subject(table) {
         page.table(&shown(&subject, &part));
     }
     for failure in &table.failures {
@@ -103,13 +103,13 @@ fn shown(subject: &str, part: &Table) -> report::Table {
         ..report::Table::default()
     };
     shown.head.push("variant".to_owned());
-    shown.head.extend(part.columns.iter().filter_map(|c| of_name(c)).map(|s| s.heading.to_owned()));
+    shown.head.extend(part.columns.iter().filter_map(|c| score_named(c)).map(|s| s.heading.to_owned()));
     for (r, row) in part.rows.iter().enumerate() {
         let mut cells = vec![row.variant.clone()];
         for (c, cell) in row.cells.iter().enumerate() {
-            let digits = of_name(&part.columns[c]).map_or(3, |s| s.digits);
-            cells.push(cell.as_ref().map(|c| words(c, digits)).unwrap_or_default());
-            if best(part, r, c) {
+            let digits = score_named(&part.columns[c]).map_or(3, |s| s.digits);
+            cells.push(cell.as_ref().map(|c| format_cell(c, digits)).unwrap_or_default());
+            if is_best(part, r, c) {
                 shown.best.push((r, c + 1));
             }
         }
@@ -127,8 +127,8 @@ fn line_pairs(table: &Table, which: usize) -> Option<String> {
         .map(|r| Series { name: r.variant.clone(), points: r.lines.iter().map(|p| [p[0], p[which]]).collect() })
         .collect();
     let name = if which == 1 { "contrast, share of the truth's" } else { "not there, share of the truth's contrast" };
-    // More curves than colours would not be told apart.
-    (2..=6).contains(&series.len()).then(|| curves("line pairs a lenslet", name, &series))
+    // More curves than colours could not be distinguished.
+    (2..=6).contains(&series.len()).then(|| line_plot("line pairs a lenslet", name, &series))
 }
 
 /// What training time buys: PSNR over seconds, a point a variant, on the first subject.
@@ -143,7 +143,7 @@ fn against_time(table: &Table) -> Option<String> {
         .filter_map(|r| Some((r, r.cells[x]?, r.cells[y]?)))
         .map(|(r, x, y)| Series { name: r.variant.clone(), points: vec![[x.mean, y.mean]] })
         .collect();
-    (series.len() > 1).then(|| curves("training, seconds", "PSNR, dB", &series))
+    (series.len() > 1).then(|| line_plot("training, seconds", "PSNR, dB", &series))
 }
 
 /// A slider between any two variants and the truth, then every difference from the truth.
@@ -194,7 +194,7 @@ fn embedded(out: &Path, row: &Row, what: &str) -> Option<EmbeddedPicture> {
 #[cfg(test)]
 mod tests {
     use super::super::orderings;
-    use super::super::table::{tables, tests::record};
+    use super::super::table::{tabulate, tests::record};
     use super::*;
 
     #[test]
@@ -222,7 +222,7 @@ mod tests {
         unscored.failed = Some(format!("{planted}.lfp is no capture"));
         records.push(unscored);
         let about = ["lenslet ablate & co".into(), planted.into()];
-        write_page(dir.path(), &tables(&records), &orderings::judge_orderings(&records), &about).unwrap();
+        write_page(dir.path(), &tabulate(&records), &orderings::judge_orderings(&records), &about).unwrap();
         let page = std::fs::read_to_string(dir.path().join("report.html")).unwrap();
         assert!(page.contains("&amp; co") && page.contains("&lt;script&gt;alert") && !page.contains("<script>alert"));
         assert!(page.contains("&lt;img src=x") && !page.contains("<img src=x"));
@@ -236,11 +236,11 @@ mod tests {
     fn training_time_is_drawn_where_there_is_any() {
         let mut records =
             vec![record("dictionary", "small", 1, Some(20.0)), record("dictionary", "large <b>", 1, Some(21.0))];
-        assert!(against_time(&tables(&records)[0]).is_none());
+        assert!(against_time(&tabulate(&records)[0]).is_none());
         for (k, r) in records.iter_mut().enumerate() {
             r.scores.insert("train_seconds".into(), 3.0 + k as f64);
         }
-        let svg = against_time(&tables(&records)[0]).unwrap();
+        let svg = against_time(&tabulate(&records)[0]).unwrap();
         assert_eq!(svg.matches("<circle").count(), 2);
         assert!(svg.contains("large &lt;b&gt;"));
     }

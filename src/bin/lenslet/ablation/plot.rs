@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::table::{Table, of_name};
+use super::table::{Table, score_named};
 use lenslet::page::escape_html;
 
 const ROW: f64 = 22.0;
@@ -36,7 +36,7 @@ pub(super) fn dots(table: &Table, name: &str) -> Option<String> {
     let left = (24.0 + 8.6 * longest as f64).min(0.5 * WIDTH);
     let x = |value: f64| left + (value - from) / (to - from) * (WIDTH - left - RIGHT);
     let bottom = 8.0 + ROW * variants.len() as f64;
-    let heading = of_name(name).map_or(name, |s| s.heading);
+    let heading = score_named(name).map_or(name, |s| s.heading);
 
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" role=\"img\" viewBox=\"0 0 {WIDTH} {:.0}\" aria-label=\"{} of {}\">",
@@ -119,7 +119,7 @@ fn tick(range: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::table::{tables, tests::record};
+    use super::super::table::{tabulate, tests::record};
     use super::*;
 
     #[test]
@@ -129,11 +129,11 @@ mod tests {
             record("noise", "c", 1, Some(31.0)),
             record("noise", "d", 1, Some(31.0)),
         ];
-        let svg = dots(&tables(&records)[0], "psnr").unwrap();
+        let svg = dots(&tabulate(&records)[0], "psnr").unwrap();
         // One circle a cell, one in the legend.
         assert_eq!(svg.matches("<circle").count(), 4);
         assert!(svg.contains("&lt;b&gt;") && !svg.contains("<b>") && !svg.contains("NaN"));
-        assert!(dots(&tables(&records[..1])[0], "psnr").is_none());
+        assert!(dots(&tabulate(&records[..1])[0], "psnr").is_none());
         for range in [0.0, 1e-3, 0.7, 5.0, 123.0, f64::NAN] {
             let parts = if range > 0.0 { range / tick(range) } else { 3.0 };
             assert!((1.5..=4.0).contains(&parts), "{range} {parts}");

@@ -16,13 +16,14 @@ use ndarray::Array3;
 
 use super::method::Method;
 
-/// Views of linear light, and what they cost.
+/// Views of linear light, and the seconds they took.
 pub(super) struct Rendered {
     pub(super) images: Vec<Array3<f32>>,
     pub(super) seconds: f64,
 }
 
-/// What the runs of one capture share. Whoever takes up another capture, or hides other lenslets of it, says so first.
+/// What the runs of one capture share. [`RenderCache::enter`] comes before a run of another capture, or of the same with other
+/// lenslets hidden.
 #[derive(Default)]
 pub(super) struct RenderCache {
     capture: String,

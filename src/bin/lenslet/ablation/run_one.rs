@@ -1,4 +1,4 @@
-//! A run from its capture to its scores: calibrate, decode, render as the chain says, compare.
+//! A run from its capture to its scores: calibrate, decode, render and score, as its [`Chain`] has it.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -26,8 +26,10 @@ use lenslet_views::reconstruct;
 use lenslet_views::{Target, multiview};
 
 /// Share of lenslets hidden on real captures.
+/// Source: chosen.
 const HIDDEN: f64 = 0.1;
 /// Longer side of real captures' views, pixels.
+/// Source: paper section 4.
 const SIDE: usize = 1080;
 
 /// What runs share, so that nothing is made twice in a call.

@@ -11,7 +11,7 @@ pub struct Settings {
     pub experiments: Vec<Experiment>,
     /// Small sensor, fewer variants: minutes instead of an hour.
     pub quick: bool,
-    /// Seeds of the simulated cameras and scenes, at least one; their spread is reported. 0 stands for 3 (quick: 2).
+    /// Number of seeds of the simulated cameras and scenes; their spread is reported. 0: the default, 3 (quick: 2).
     pub seeds: u64,
     /// White images of a real camera (or one pattern composed of its captures).
     pub whites: Vec<PathBuf>,

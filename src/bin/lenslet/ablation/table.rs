@@ -124,7 +124,7 @@ pub struct Table {
 }
 
 /// Mean and spread of values; none of an empty list.
-pub fn cell(values: &[f64]) -> Option<Cell> {
+pub fn summarise(values: &[f64]) -> Option<Cell> {
     let n = values.len();
     if n == 0 {
         return None;
@@ -135,7 +135,7 @@ pub fn cell(values: &[f64]) -> Option<Cell> {
 }
 
 /// Turns records, in the plan's order, into a table an experiment.
-pub fn tables(records: &[Record]) -> Vec<Table> {
+pub fn tabulate(records: &[Record]) -> Vec<Table> {
     let experiments = Experiment::ALL.into_iter();
     experiments
         .filter_map(|e| table(e, &records.iter().filter(|r| r.experiment == e.name()).collect::<Vec<_>>()))
@@ -163,7 +163,7 @@ fn table(experiment: Experiment, records: &[&Record]) -> Option<Table> {
             let failed = row.iter().filter(|r| r.failed.is_some()).count();
             return (failed > 0).then_some(Cell { mean: failed as f64, spread: 0.0, n: row.len() });
         }
-        cell(&row.iter().filter_map(|r| value(r, name)).collect::<Vec<_>>())
+        summarise(&row.iter().filter_map(|r| value(r, name)).collect::<Vec<_>>())
     };
     let columns: Vec<&Score> =
         SCORES.iter().filter(|s| rows.iter().any(|(_, _, records)| of(records, s.name).is_some())).collect();
@@ -203,15 +203,15 @@ fn lines(records: &[&Record]) -> Vec<[f64; 3]> {
         }
     }
     let point = |(name, [contrast, spurious]): (&str, [Vec<f64>; 2])| {
-        Some([name.parse().ok()?, cell(&contrast)?.mean, cell(&spurious)?.mean])
+        Some([name.parse().ok()?, summarise(&contrast)?.mean, summarise(&spurious)?.mean])
     };
     let mut points: Vec<[f64; 3]> = by_name.into_iter().filter_map(point).collect();
     points.sort_by(|a, b| a[0].total_cmp(&b[0]));
     points
 }
 
-/// A table's parts, one a subject: its name, and its rows with the columns that say something about it.
-pub fn by_subject(table: &Table) -> Vec<(String, Table)> {
+/// A table's parts, one a subject: its name, and its rows with the columns that have a value in one of them.
+pub fn split_by_subject(table: &Table) -> Vec<(String, Table)> {
     let mut subjects: Vec<&str> = Vec::new();
     for row in &table.rows {
         if !subjects.contains(&row.subject.as_str()) {
@@ -234,12 +234,12 @@ pub fn by_subject(table: &Table) -> Vec<(String, Table)> {
 }
 
 /// The score of that name.
-pub fn of_name(name: &str) -> Option<&'static Score> {
+pub fn score_named(name: &str) -> Option<&'static Score> {
     SCORES.iter().find(|s| s.name == name)
 }
 
 /// A cell in words: `27.31 ± 0.12`, or `27.31` from one seed.
-pub fn words(cell: &Cell, digits: usize) -> String {
+pub fn format_cell(cell: &Cell, digits: usize) -> String {
     if cell.n > 1 {
         format!("{:.digits$} ± {:.digits$}", cell.mean, cell.spread)
     } else {
@@ -248,8 +248,8 @@ pub fn words(cell: &Cell, digits: usize) -> String {
 }
 
 /// Whether a row's cell is the best of its subject in this column.
-pub fn best(table: &Table, row: usize, column: usize) -> bool {
-    let better = table.columns.get(column).and_then(|c| of_name(c)).map_or(0, |s| s.better);
+pub fn is_best(table: &Table, row: usize, column: usize) -> bool {
+    let better = table.columns.get(column).and_then(|c| score_named(c)).map_or(0, |s| s.better);
     let Some(own) = table.rows[row].cells[column] else { return false };
     let others = || table.rows.iter().filter(|r| r.subject == table.rows[row].subject).filter_map(|r| r.cells[column]);
     // Rows that differ in the capture's noise, not in what is done with it, do not compete.
@@ -258,7 +258,7 @@ pub fn best(table: &Table, row: usize, column: usize) -> bool {
 }
 
 /// All tables as CSV: a line a cell.
-pub fn csv(tables: &[Table]) -> String {
+pub fn tables_to_csv(tables: &[Table]) -> String {
     let mut out = String::from("experiment,variant,subject,score,mean,spread,seeds\n");
     let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
     for table in tables {
@@ -279,21 +279,21 @@ pub fn csv(tables: &[Table]) -> String {
 }
 
 /// All tables as Markdown; the best of each subject in bold.
-pub fn markdown(tables: &[Table]) -> String {
+pub fn tables_to_markdown(tables: &[Table]) -> String {
     let mut out = String::new();
     let safe = |text: &str| text.replace('|', "\\|").replace(['\n', '\r'], " ");
     for table in tables {
         let _ = writeln!(out, "### {}\n\n{}\n", table.experiment, table.question);
-        for (subject, part) in by_subject(table) {
-            let headings: Vec<&str> = part.columns.iter().filter_map(|c| of_name(c)).map(|s| s.heading).collect();
+        for (subject, part) in split_by_subject(table) {
+            let headings: Vec<&str> = part.columns.iter().filter_map(|c| score_named(c)).map(|s| s.heading).collect();
             let _ = writeln!(out, "| {} | {} |", safe(&subject), headings.join(" | "));
             let _ = writeln!(out, "|---|{}", "--:|".repeat(headings.len()));
             for (r, row) in part.rows.iter().enumerate() {
                 let _ = write!(out, "| {} |", safe(&row.variant));
                 for (c, cell) in row.cells.iter().enumerate() {
-                    let digits = of_name(&part.columns[c]).map_or(3, |s| s.digits);
-                    let text = cell.as_ref().map(|c| words(c, digits)).unwrap_or_default();
-                    let _ = if best(&part, r, c) { write!(out, " **{text}** |") } else { write!(out, " {text} |") };
+                    let digits = score_named(&part.columns[c]).map_or(3, |s| s.digits);
+                    let text = cell.as_ref().map(|c| format_cell(c, digits)).unwrap_or_default();
+                    let _ = if is_best(&part, r, c) { write!(out, " **{text}** |") } else { write!(out, " {text} |") };
                 }
                 out.push('\n');
             }
@@ -339,16 +339,16 @@ pub(super) mod tests {
             record("demosaic", "b, \"c\"", 2, None),
             record("views", "3x3", 1, Some(20.0)),
         ];
-        let tables = tables(&records);
+        let tables = tabulate(&records);
         assert_eq!(tables.iter().map(|t| t.experiment.as_str()).collect::<Vec<_>>(), ["demosaic", "views"]);
         assert_eq!(tables[0].columns, ["psnr", "step_seconds", "failed"]);
         let first = tables[0].rows[0].cells[0].unwrap();
         assert_eq!((first.mean, first.n), (31.0, 2));
         assert!((first.spread - 2f64.sqrt()).abs() < 1e-12);
-        assert!(best(&tables[0], 0, 0) && !best(&tables[0], 1, 0) && !best(&tables[1], 0, 0));
-        let csv = csv(&tables);
+        assert!(is_best(&tables[0], 0, 0) && !is_best(&tables[0], 1, 0) && !is_best(&tables[1], 0, 0));
+        let csv = tables_to_csv(&tables);
         assert!(csv.contains("demosaic,\"a\",\"natural\",psnr,31,") && csv.contains("\"b, \"\"c\"\"\""));
-        let markdown = markdown(&tables);
+        let markdown = tables_to_markdown(&tables);
         assert!(markdown.contains("**31.00 ± 1.41**") && markdown.contains("Not scored: broke \\| badly"));
     }
 }

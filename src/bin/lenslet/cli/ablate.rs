@@ -86,22 +86,22 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if ablation::plan(&settings)?.is_empty() {
         return Err(Usage("nothing to run: peers need --peer and --truth".into()).into());
     }
-    // Before the work, so that a wrong name costs nothing.
+    // Before the work rather than after it.
     if let Some(path) = &args.results {
         refuse_existing(path, args.force)?;
     }
-    let old = args.against.as_deref().map(records_of).transpose()?;
+    let old = args.against.as_deref().map(read_records_of).transpose()?;
     let done = ablation::run(&args.out, &settings, args.force, &context.progress)?;
 
     let records = ablation::records(&args.out, &settings)?;
-    let tables = table::tables(&records);
+    let tables = table::tabulate(&records);
     let verdicts = orderings::judge_orderings(&records);
-    let about = about(&records);
+    let about = provenance(&records);
     ablation::write_tables(&args.out, &tables)?;
     output::write_file(&args.out.join("orderings.json"), true, &serde_json::to_vec_pretty(&verdicts)?)?;
     page::write_page(&args.out, &tables, &verdicts, &about)?;
     if let Some(path) = &args.results {
-        output::write_file(path, args.force, results(&tables, &verdicts, &about).as_bytes())?;
+        output::write_file(path, args.force, results_page(&tables, &verdicts, &about).as_bytes())?;
     }
     let changes = old.map(|old| compare::compare_runs(&old, &records));
     if let Some(changes) = &changes {
@@ -131,13 +131,13 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     Ok(Outcome { json, text })
 }
 
-fn records_of(path: &Path) -> anyhow::Result<Vec<Record>> {
+fn read_records_of(path: &Path) -> anyhow::Result<Vec<Record>> {
     let file = if path.is_dir() { path.join(record::FILE) } else { path.to_path_buf() };
     record::read(&file)
 }
 
-/// How the numbers came about. Paths of the command line are left out but for their last part.
-fn about(records: &[Record]) -> Vec<String> {
+/// How the numbers were made: command, machine and date. Of paths on the command line only the last part is kept.
+fn provenance(records: &[Record]) -> Vec<String> {
     let words: Vec<String> = std::env::args_os()
         .skip(1)
         .map(|a| {
@@ -163,15 +163,16 @@ fn about(records: &[Record]) -> Vec<String> {
         format!(
             "{}, {cores} threads, {}; {:.0} s for {} runs",
             cpu.unwrap_or_else(|| "unknown processor".into()),
-            date(),
+            today(),
             seconds,
             records.len()
         ),
     ]
 }
 
-/// Today (UTC) as year-month-day, by the civil calendar (H. Hinnant, chrono-compatible low-level date algorithms).
-fn date() -> String {
+/// Today (UTC) as year-month-day.
+/// Source: H. Hinnant, chrono-compatible low-level date algorithms, `civil_from_days`.
+fn today() -> String {
     let seconds = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).map_or(0, |d| d.as_secs());
     let z = (seconds / 86_400) as i64 + 719_468;
     let era = z / 146_097;
@@ -185,7 +186,7 @@ fn date() -> String {
 }
 
 /// The Markdown page.
-fn results(tables: &[table::Table], verdicts: &[orderings::Verdict], about: &[String]) -> String {
+fn results_page(tables: &[table::Table], verdicts: &[orderings::Verdict], about: &[String]) -> String {
     let mut out = String::from(
         "# Results\n\nWritten by `lenslet ablate --results`; every number comes from the run named here, none is typed by hand.\n\n",
     );
@@ -196,11 +197,11 @@ fn results(tables: &[table::Table], verdicts: &[orderings::Verdict], about: &[St
     out += "| experiment | subject | this | over this | margin dB | |\n|---|---|---|---|--:|---|\n";
     for v in verdicts {
         let verdict = if v.holds { "holds" } else { "**does not hold**" };
-        let margin = table::words(&v.margin, 2);
+        let margin = table::format_cell(&v.margin, 2);
         out += &format!("| {} | {} | {} | {} | {margin} | {verdict} |\n", v.experiment, v.subject, v.better, v.worse);
     }
     out += "\n## Tables\n\nMean ± standard deviation over seeds; the best of each subject in bold.\n\n";
-    out += &table::markdown(tables);
+    out += &table::tables_to_markdown(tables);
     out += "### Scores\n\n";
     for score in table::SCORES {
         out += &format!("- {}: {}\n", score.heading, score.meaning);
@@ -212,7 +213,7 @@ fn results(tables: &[table::Table], verdicts: &[orderings::Verdict], about: &[St
 mod tests {
     #[test]
     fn dates_have_their_form() {
-        let date = super::date();
+        let date = super::today();
         let parts: Vec<u32> = date.split('-').map(|p| p.parse().unwrap()).collect();
         assert!(parts.len() == 3 && parts[0] >= 2025 && (1..=12).contains(&parts[1]) && (1..=31).contains(&parts[2]));
     }

@@ -1,13 +1,15 @@
-//! `--memory`: a run that takes more than it was given ends by itself, instead of taking the machine down.
+//! `--memory`: a run that takes more than it may ends by itself, before the machine runs out of memory.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use super::progress;
 
-/// How often the memory in use is looked at.
+/// How often the memory in use is read.
+/// Source: chosen.
 const EVERY: Duration = Duration::from_millis(5);
-/// Beyond the budget by this, MiB, the work is no longer asked to end but ended.
+/// MiB beyond the budget at which the process ends without waiting for the work to stop.
+/// Source: chosen.
 const GRACE: usize = 64;
 
 /// What was in use, MiB, when the budget was found exceeded; 0 before that.

@@ -15,7 +15,8 @@ use super::written::refuse_existing;
 use super::{Context, Outcome};
 use crate::report::calibration_figures;
 
-/// Black images of a camera looked at, at most.
+/// Black images of a camera that are used, at most.
+/// Source: chosen.
 const MOST_BLACKS: usize = 8;
 
 /// Calibrate a camera: find the centre of every lenslet in white images
@@ -30,7 +31,7 @@ pub struct Args {
     /// White images of one camera
     #[arg(required_unless_present_any = ["from_captures", "bundle"], value_name = "WHITE")]
     whites: Vec<PathBuf>,
-    /// Ordinary captures of one camera instead of white images: five are typical, two give lenslets of their own places
+    /// Ordinary captures of one camera instead of white images: five are typical, with two each lenslet has a place of its own
     #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with = "whites")]
     from_captures: Vec<PathBuf>,
     /// A camera's calibration folder, data.C.n bundle or .tar: calibrates every zoom and focus in it; --out is a folder then
@@ -48,7 +49,7 @@ pub struct Args {
     /// Camera profile, where the files do not name their camera
     #[arg(long, value_name = "NAME")]
     profile: Option<String>,
-    /// Which centres to give, for comparison: full, paper, integer, rotation-only or none
+    /// Which centres to write, for comparison: full, paper, integer, rotation-only or none
     #[arg(long, value_name = "NAME", default_value_t)]
     variant: CalibrationVariant,
     /// Also draw centres and triangulation over the white image: OUT.png whole, OUT-close.png enlarged, OUT-residuals.png how far
@@ -176,7 +177,7 @@ fn bundle(args: &Args, place: &Path, context: &Context) -> anyhow::Result<Outcom
                 text.push_str(&format!("{name}: {} white images\n{}\n", captures.len(), describe(&calibration)));
             }
             Err(e @ calibration::Error::Interrupted(_)) => return Err(e.into()),
-            // One bad pair must not cost the user the others.
+            // A pair that cannot be calibrated is noted; the others are kept.
             Err(e) => context.progress.note(&e.to_string()),
         }
     }
@@ -187,7 +188,7 @@ fn bundle(args: &Args, place: &Path, context: &Context) -> anyhow::Result<Outcom
     Ok(Outcome { json: json!({ "calibrations": list }), text })
 }
 
-/// A file name of what tells calibrations of a bundle apart; `number` where nothing does.
+/// A file name of what distinguishes the calibrations of a bundle; `number` where nothing does.
 fn file_name(serial: Option<&str>, zoom: Option<i64>, focus: Option<i64>, number: usize) -> String {
     let mut parts = Vec::new();
     // A serial number comes from a file: only harmless characters of it may become part of a name.

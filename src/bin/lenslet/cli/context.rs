@@ -1,4 +1,4 @@
-//! What every command is given and what it gives back.
+//! What every command is given, and what it returns.
 
 use super::progress::Progress;
 

@@ -46,7 +46,7 @@ pub struct Args {
     /// Leave points less confident than this out of the point cloud
     #[arg(long, default_value_t = 0.2, value_name = "0..1")]
     confident: f32,
-    /// Views (N or ROWSxCOLUMNS) of files that do not say so
+    /// Views (N or ROWSxCOLUMNS) of files that do not hold their number
     #[arg(long, value_name = "N", value_parser = parse_views)]
     views: Option<[usize; 2]>,
     /// Directory to write

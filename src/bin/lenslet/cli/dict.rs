@@ -40,7 +40,7 @@ named MODEL.PREDICTOR.MATRIX, as point.lasso.low_atoms."
         /// What to write: a name ending in .lfd or .safetensors, or a folder
         #[arg(long, value_name = "PATH")]
         out: PathBuf,
-        /// Replace what stands at --out
+        /// Replace what is at --out
         #[arg(long)]
         force: bool,
     },
@@ -84,7 +84,7 @@ pub fn for_grid(scale: Option<f64>) -> Option<&'static Path> {
     reconstruct::name_for_grid(scale.unwrap_or(3.0)).map(Path::new)
 }
 
-/// What `dict show` and `info` say of a dictionary.
+/// A dictionary as `dict show` and `info` print it: JSON and text.
 pub fn describe(dictionary: &Dictionary) -> (Value, String) {
     let mut text = format!(
         "{}, {}, seed {}, {} photos\n",

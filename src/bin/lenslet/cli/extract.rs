@@ -15,7 +15,7 @@ use super::{Context, Outcome};
 Example: lenslet extract IMG_0001-stk.lfp --out IMG_0001
 
 Raw images come with their metadata beside them (image.raw, image.json), so that decode reads them; Lytro's refocus
-slices as .jpg, its video blocks as .h264, its depth maps as .raw, .pfm and 16-bit .png. index.json says what is what.")]
+slices as .jpg, its video blocks as .h264, its depth maps as .raw, .pfm and 16-bit .png. index.json lists them.")]
 pub struct Args {
     /// The container, bundle or archive
     file: PathBuf,

@@ -124,7 +124,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     Ok(Outcome { json, text })
 }
 
-/// The dictionary inside the program for a light field that says how its views were made.
+/// The embedded dictionary for views made as the description has it.
 fn embedded_name(meta: &Meta) -> &'static str {
     let refined = meta.method == Some(Interpolation::Multiview.into());
     reconstruct::name_for(if refined { Interpolation::Multiview } else { Interpolation::Barycentric })

@@ -1,4 +1,4 @@
-//! `lenslet info`: what a file or folder is, told by its content.
+//! `lenslet info`: what a file or folder is, by its content.
 
 use std::fs::File;
 use std::io::Read;

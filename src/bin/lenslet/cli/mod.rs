@@ -1,4 +1,4 @@
-//! The command line: one file a command. What a command prints, and how it ends, is decided here.
+//! The command line: one file a command; what is printed and the exit code are decided here.
 
 mod ablate;
 mod budget;
@@ -45,7 +45,7 @@ struct Cli {
     /// Threads to use (default: all cores)
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// Memory this run may take, MiB: one that needs more ends with exit code 1 and says so
+    /// Memory this run may take, MiB: one that needs more ends with exit code 1 and a message
     #[arg(long, global = true, value_name = "MIB", value_parser = clap::value_parser!(u32).range(16..))]
     memory: Option<u32>,
     /// No progress, no notes
@@ -139,7 +139,7 @@ pub fn main() -> ExitCode {
             } else {
                 1
             };
-            // One line: causes joined, line breaks flattened, a cause already told not told again.
+            // One line: causes joined, line breaks flattened, no cause twice.
             let mut line = String::new();
             for cause in e.chain() {
                 let text = cause.to_string().replace(['\n', '\r'], " ");

@@ -48,7 +48,7 @@ pub struct Args {
     /// Make the longer side at most this many pixels
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..))]
     side: Option<u32>,
-    /// Views (N or ROWSxCOLUMNS) of files that do not say so
+    /// Views (N or ROWSxCOLUMNS) of files that do not hold their number
     #[arg(long, value_name = "N", value_parser = parse_views)]
     views: Option<[usize; 2]>,
     /// Where to write
@@ -92,7 +92,7 @@ fn focus(args: &Args) -> Result<Focus, Usage> {
             None => Err(usage(format!("--at {text} is not X,Y, as in --at 540,700"))),
         },
         (None, None, None, true) => Ok(Focus::Everything),
-        _ => Err(usage("say one of --disparity, --sweep, --at, --all-in-focus".into())),
+        _ => Err(usage("give one of --disparity, --sweep, --at, --all-in-focus".into())),
     }
 }
 

@@ -35,7 +35,7 @@ pub struct Args {
     /// view): for results of tools with another geometry or exposure. The sizes may differ. The alignment is reported
     #[arg(long)]
     align: bool,
-    /// Views (N or ROWSxCOLUMNS) of files that do not say so
+    /// Views (N or ROWSxCOLUMNS) of files that do not hold their number
     #[arg(long, value_name = "N", value_parser = parse_views)]
     views: Option<[usize; 2]>,
 }

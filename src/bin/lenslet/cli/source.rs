@@ -14,7 +14,7 @@ pub struct SourceArgs {
     /// Views (N or ROWSxCOLUMNS) of a lenslet picture, or of pictures numbered in a row
     #[arg(long, value_name = "N", value_parser = parse_views)]
     views: Option<[usize; 2]>,
-    /// The input holds linear light, and does not say so itself
+    /// The input holds linear light although it has no description that names it
     #[arg(long)]
     input_linear: bool,
 }

@@ -2,18 +2,20 @@
 
 use std::fmt::Write as _;
 
-use crate::report::plot::{Series, curves};
+use crate::report::plot::{Series, line_plot};
 use crate::report::{EmbeddedPicture, embedded};
 use lenslet_core::dictionary::{Dictionary, PatchModel};
 use lenslet_train::Epoch;
 use ndarray::{Array2, Array3, ArrayView2, s};
 
 /// Atoms side by side in a mosaic.
+/// Source: chosen.
 const ACROSS: usize = 32;
-/// Pixels an atom's value is shown as.
+/// Pixels a side that an atom's value is shown as.
+/// Source: chosen.
 const ZOOM: usize = 2;
 
-/// Style of a plot that stands alone; on pages it comes from the page.
+/// Style of a plot in a file of its own; on pages it comes from the page.
 const STYLE: &str = "<style>svg{background:#fff}text{font:13px sans-serif;fill:#1c1e22}.axis{stroke:#5b6068;fill:none}\
 .grid-line{stroke:#dcdad4;fill:none}.curve{stroke:currentColor;stroke-width:2;fill:none}.dot{fill:currentColor}\
 .s0{color:#0b7f88}.s1{color:#c2571a}.s2{color:#5a55b8}.s3{color:#2f8a3d}.s4{color:#b0397a}.s5{color:#8a7420}</style>";
@@ -45,8 +47,10 @@ pub fn convergence(trace: &[Epoch]) -> String {
     }
     psnr.retain(|s| !s.points.is_empty());
     objectives.retain(|s| !s.points.is_empty());
-    let plots =
-        [curves("epoch", "held-out PSNR, dB", &psnr), curves("epoch", "objective / first of its stage", &objectives)];
+    let plots = [
+        line_plot("epoch", "held-out PSNR, dB", &psnr),
+        line_plot("epoch", "objective / first of its stage", &objectives),
+    ];
     let (mut body, mut top) = (String::new(), 0.0);
     for plot in &plots {
         // viewBox="0 0 WIDTH HEIGHT"

@@ -1,4 +1,4 @@
-//! Values that options take by name, and what they stand for in the libraries.
+//! Values that options take by name, and the values of the libraries that they become.
 
 use clap::ValueEnum;
 use lenslet_core::dictionary::Footprint;

@@ -41,7 +41,7 @@ pub struct Args {
     /// The page may be this many megabytes
     #[arg(long, default_value_t = 20.0, value_name = "MB")]
     max_mb: f64,
-    /// Views (N or ROWSxCOLUMNS) of files that do not say so
+    /// Views (N or ROWSxCOLUMNS) of files that do not hold their number
     #[arg(long, value_name = "N", value_parser = parse_views)]
     views: Option<[usize; 2]>,
     /// Replace what is there
@@ -82,7 +82,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         ));
     }
     let Some((disparity, order)) = relief else { return Err(Usage("no light field given".into()).into()) };
-    // The same name twice tells nothing.
+    // Buttons of the same name could not be distinguished.
     for k in 0..sets.len() {
         if sets.iter().filter(|s| s.name == sets[k].name).count() > 1 {
             sets[k].name = format!("{} {}", name(&args.light_fields[k]), k + 1);

@@ -32,13 +32,13 @@ pub struct Args {
     /// Pictures in the animation
     #[arg(long, default_value_t = 24, value_name = "N", value_parser = clap::value_parser!(u16).range(2..=1000))]
     frames: u16,
-    /// What has this disparity stands still (default: the median)
+    /// Surfaces of this disparity do not move in the picture (default: the median)
     #[arg(long, value_name = "D", allow_hyphen_values = true)]
     hold: Option<f32>,
     /// Make the longer side at most this many pixels
     #[arg(long, default_value_t = 720, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..))]
     side: u32,
-    /// Views (N or ROWSxCOLUMNS) of files that do not say so
+    /// Views (N or ROWSxCOLUMNS) of files that do not hold their number
     #[arg(long, value_name = "N", value_parser = parse_views)]
     views: Option<[usize; 2]>,
     /// Where to write

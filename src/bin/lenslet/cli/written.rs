@@ -29,7 +29,7 @@ pub struct Written {
     /// Write linear light instead of sRGB
     #[arg(long)]
     pub linear: bool,
-    /// Replace what stands at --out
+    /// Replace what is at --out
     #[arg(short, long)]
     pub force: bool,
 }

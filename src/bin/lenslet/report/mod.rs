@@ -16,11 +16,12 @@ pub use compare::{Stage, comparison};
 pub use embedded::EmbeddedPicture;
 
 /// Side of the crops that the script of the comparisons enlarges, pixels.
+/// Source: chosen.
 pub const LOUPE: usize = 48;
 /// Script of the comparisons.
 const SCRIPT: &str = concat!(include_str!("../../../page/common.js"), include_str!("script.js"));
 
-/// A table: every cell is text, numbers stand right.
+/// A table of text; numbers are aligned right.
 #[derive(Debug, Clone, Default)]
 pub struct Table {
     /// What it shows.
@@ -29,7 +30,7 @@ pub struct Table {
     pub head: Vec<String>,
     /// Rows of cells; the first cell names the row.
     pub rows: Vec<Vec<String>>,
-    /// Cells (row, column) that stand out.
+    /// Cells (row, column) in bold.
     pub best: Vec<(usize, usize)>,
 }
 
@@ -57,7 +58,7 @@ impl Page {
         let _ = writeln!(self.body, "<p>{}</p>", escape_html(text));
     }
 
-    /// A list, each entry a name and what there is to say about it.
+    /// A list, each entry a name and its description.
     pub fn list(&mut self, entries: &[(&str, &str)]) {
         self.body.push_str("<ul>");
         for (name, text) in entries {
@@ -76,7 +77,7 @@ impl Page {
         let _ = writeln!(self.body, "<pre><code>{}</code></pre>", escape_html(text));
     }
 
-    /// A table; too wide ones scroll by themselves. Columns without any number stand left.
+    /// A table; those too wide for the page scroll. Columns without any number are aligned left.
     pub fn table(&mut self, table: &Table) {
         let number = |cell: &String| cell.trim_start_matches(['-', '+', '−']).starts_with(|c: char| c.is_ascii_digit());
         let class = |column: usize, best: bool| {

@@ -37,7 +37,7 @@ fn label(value: f64, span: f64) -> String {
 }
 
 /// Curves with points over named axes.
-pub fn curves(x_name: &str, y_name: &str, series: &[Series]) -> String {
+pub fn line_plot(x_name: &str, y_name: &str, series: &[Series]) -> String {
     let points = || series.iter().flat_map(|s| &s.points).filter(|p| p[0].is_finite() && p[1].is_finite());
     let range = |axis: usize| {
         let (low, high) = points().fold((f64::MAX, f64::MIN), |(l, h), p| (l.min(p[axis]), h.max(p[axis])));
@@ -94,7 +94,7 @@ pub fn curves(x_name: &str, y_name: &str, series: &[Series]) -> String {
             let _ = write!(svg, "<circle class=\"dot\" cx=\"{:.1}\" cy=\"{:.1}\" r=\"3.5\"/>", px(p[0]), py(p[1]));
         }
         let _ = write!(svg, "<path class=\"curve\" d=\"{path}\"/>");
-        // A point alone says itself which it is: colours repeat after six.
+        // A single point has its name beside it: colours repeat after six.
         if let [p] = seen[..] {
             let (x, anchor) = if px(p[0]) > 0.6 * WIDTH { (px(p[0]) - 8.0, "end") } else { (px(p[0]) + 8.0, "start") };
             let _ = write!(
@@ -119,7 +119,7 @@ pub fn curves(x_name: &str, y_name: &str, series: &[Series]) -> String {
 }
 
 /// Horizontal bars from `base` on, each with its name and value.
-pub fn bars(unit: &str, base: f64, bars: &[(String, f64)]) -> String {
+pub fn bar_chart(unit: &str, base: f64, bars: &[(String, f64)]) -> String {
     let high = bars.iter().map(|b| b.1).filter(|v| v.is_finite()).fold(base, f64::max);
     let full = 30.0 * bars.len() as f64 + 12.0;
     let mut svg = open(full, unit);
@@ -167,17 +167,17 @@ mod tests {
     #[test]
     fn points_land_where_their_values_say_and_names_are_escaped() {
         let series = [Series { name: "<a>".into(), points: vec![[0.0, 1.0], [f64::NAN, 2.0], [10.0, 3.0]] }];
-        let svg = curves("x", "y & z", &series);
+        let svg = line_plot("x", "y & z", &series);
         assert_eq!(svg.matches("<circle").count(), 2);
         assert!(svg.contains("&lt;a&gt;") && svg.contains("y &amp; z"));
         assert!(!svg.contains("NaN"));
-        let empty = curves("x", "y", &[]);
+        let empty = line_plot("x", "y", &[]);
         assert!(!empty.contains("NaN") && !empty.contains("inf"));
     }
 
     #[test]
     fn bars_are_as_long_as_their_values() {
-        let svg = bars("dB", 20.0, &[("a".into(), 25.0), ("b".into(), 30.0), ("c".into(), f64::NAN)]);
+        let svg = bar_chart("dB", 20.0, &[("a".into(), 25.0), ("b".into(), 30.0), ("c".into(), f64::NAN)]);
         let widths: Vec<f64> =
             svg.split("width=\"").skip(1).filter_map(|w| w.split('"').next().and_then(|w| w.parse().ok())).collect();
         assert!((widths[1] / widths[0] - 2.0).abs() < 0.01, "{widths:?}");

@@ -40,7 +40,7 @@ fn the_sliders_of_a_report_work_by_mouse_and_keyboard() {
         let whole = browser.value("document.documentElement.scrollWidth").as_u64().unwrap();
         assert!(whole <= u64::from(width), "the page is {whole} wide, the window {width}");
         let [x, y, w, h] = browser.place(".compare .frame");
-        // What stands at a share of the picture's width: the largest of red (0), green (1), blue (2).
+        // The colour at a share of the picture's width: the largest of red (0), green (1), blue (2).
         let colour = |browser: &mut Browser, share: f64| {
             let shot = image::load_from_memory(&browser.screenshot(false)).unwrap().to_rgb8();
             let p = shot.get_pixel((x + w * (share - 0.5)) as u32, (y - 0.4 * h) as u32).0;

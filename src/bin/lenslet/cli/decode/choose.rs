@@ -110,7 +110,7 @@ impl CalibrationStore {
         let only = self.candidates.len() == 1;
         let (path, reason) = match best {
             Some(c) => (c.path.clone(), reason(c, camera, only)),
-            // The only one there is does not fit: say why.
+            // The only one there is does not fit: the check below has the reason.
             None if only => (self.candidates[0].path.clone(), String::new()),
             None => return Err(self.nothing(capture)),
         };
@@ -132,7 +132,7 @@ impl CalibrationStore {
         }
     }
 
-    /// Finds the capture's white image, tells what else was there, and calibrates from it (again only for another one).
+    /// Finds the capture's white image, notes what else was there, and calibrates from it; the last calibration is reused.
     fn by_whites(
         &mut self,
         place: &Path,

@@ -1,0 +1,45 @@
+//! What the demo makes: views of every method with their scores, and the calibration beside its truth.
+
+use std::time::Instant;
+
+use lenslet_core::calibration::Calibration;
+use lenslet_core::lightfield::View;
+use lenslet_core::metrics::Scores;
+use ndarray::Array3;
+
+/// Views a side, and those that are scored (row, column): the centre and the corners.
+pub(super) const VIEWS: usize = 7;
+pub(super) const SCORED: [(usize, usize); 5] = [(3, 3), (0, 0), (0, 6), (6, 0), (6, 6)];
+/// Crops shown: name and middle as shares of the picture.
+pub(super) const CROPS: [(&str, f64, f64); 4] =
+    [("star", 0.33, 0.27), ("letters", 0.19, 0.49), ("leaves", 0.72, 0.18), ("fruit and wall", 0.6, 0.67)];
+
+/// One method's views, sRGB-encoded, in the order of [`SCORED`].
+pub(super) struct Reconstruction {
+    pub(super) name: &'static str,
+    pub(super) about: &'static str,
+    pub(super) views: Vec<Array3<f32>>,
+    pub(super) seconds: f64,
+    pub(super) scores: Vec<Scores>,
+}
+
+impl Reconstruction {
+    pub(super) fn new(name: &'static str, about: &'static str, views: &[View], began: Instant) -> Self {
+        let seconds = began.elapsed().as_secs_f64();
+        let views = views.iter().map(|view| view.encode().into_pixels()).collect();
+        Reconstruction { name, about, views, seconds, scores: Vec::new() }
+    }
+}
+
+/// The calibration, the number of lenslets there are, and the RMS distance of the centres from the true ones, pixels.
+pub(super) struct Calibrated {
+    pub(super) found: Calibration,
+    pub(super) truth: usize,
+    pub(super) rms: f64,
+    pub(super) seconds: f64,
+}
+
+/// The mean of one score over views.
+pub(super) fn mean(scores: &[Scores], of: impl Fn(&Scores) -> f64) -> f64 {
+    scores.iter().map(of).sum::<f64>() / scores.len().max(1) as f64
+}
