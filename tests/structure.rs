@@ -16,6 +16,7 @@ const CRATES: [(&str, &str, &[&str]); 6] = [
         &[
             "error",
             "progress",
+            "digest",
             "hex",
             "output",
             "linalg",

@@ -4,12 +4,26 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Marks temporary names; what a killed run left behind is found by it.
+/// Part of every temporary name, by which what a killed run left behind is found.
 const MARK: &str = ".lenslet-tmp-";
-/// Ends the temporary name of an output that stepped aside for the one that replaces it.
+/// Ending of the temporary name of an output that is being replaced.
 const ASIDE: &str = ".old";
 
 /// A file or directory being written; dropped without [`Pending::commit`], it leaves nothing behind.
+///
+/// ```
+/// use lenslet_core::output::{Error, Pending};
+///
+/// let folder = tempfile::tempdir()?;
+/// let target = folder.path().join("result.txt");
+/// let pending = Pending::file(&target, false)?;
+/// std::fs::write(pending.path(), "whole")?;
+/// assert!(!target.exists());
+/// pending.commit()?;
+/// assert_eq!(std::fs::read_to_string(&target)?, "whole");
+/// assert!(matches!(Pending::file(&target, false), Err(Error::Exists(_))));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct Pending {
     target: PathBuf,
@@ -18,17 +32,17 @@ pub struct Pending {
     done: bool,
 }
 
-/// What goes wrong with outputs.
+/// Why an output cannot be put in place.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// Something stands at the target already.
+    /// The target exists already.
     #[error("{} exists already; choose another name or add --force to replace it", .0.display())]
     Exists(PathBuf),
     /// The target has no file name.
     #[error("{} cannot be written: it has no file name", .0.display())]
     NoName(PathBuf),
-    /// The system refused.
+    /// The system reported an error.
     #[error("cannot write {}: {source}", path.display())]
     Io {
         /// Which path.
@@ -61,7 +75,7 @@ impl Pending {
         let mut prefix = std::ffi::OsString::from(".");
         prefix.push(name);
         prefix.push(MARK);
-        sweep(parent, &prefix, target);
+        sweep_leftovers(parent, &prefix, target);
         if !force && exists(target) {
             return Err(Error::Exists(target.to_path_buf()));
         }
@@ -72,7 +86,7 @@ impl Pending {
         Ok(Pending { target: target.to_path_buf(), temporary, force, done: false })
     }
 
-    /// Prepares a file; it is the caller who creates [`Pending::path`].
+    /// Prepares a file; the caller creates it at [`Pending::path`].
     ///
     /// # Errors
     /// When the target exists (and `force` is not set) or its folder cannot be made.
@@ -98,7 +112,7 @@ impl Pending {
     /// Puts the complete output under its final name.
     ///
     /// # Errors
-    /// When something appeared at the target meanwhile, or the rename fails.
+    /// When something was put at the target meanwhile, or the rename fails.
     pub fn commit(mut self) -> Result<(), Error> {
         let stands = exists(&self.target);
         if stands && !self.force {
@@ -107,7 +121,7 @@ impl Pending {
         // A rename replaces a file at once, but never a directory.
         if !stands || !(is_directory(&self.target) || is_directory(&self.temporary)) {
             fs::rename(&self.temporary, &self.target).map_err(io_at(&self.target))?;
-        } else if exchange(&self.temporary, &self.target).is_err() {
+        } else if exchange_paths(&self.temporary, &self.target).is_err() {
             step_aside(&self.temporary, &self.target).map_err(io_at(&self.target))?;
         }
         self.done = true;
@@ -132,21 +146,21 @@ fn is_directory(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok_and(|m| m.is_dir())
 }
 
-/// Lets two paths change places in one step, so that there is no moment without the one or the other.
+/// Exchanges two paths in one step, so that both exist at every moment.
 #[cfg(any(target_os = "linux", target_os = "macos"))]
-fn exchange(a: &Path, b: &Path) -> io::Result<()> {
+fn exchange_paths(a: &Path, b: &Path) -> io::Result<()> {
     use rustix::fs::{CWD, RenameFlags, renameat_with};
     Ok(renameat_with(CWD, a, CWD, b, RenameFlags::EXCHANGE)?)
 }
 
-/// This system has no such step.
+/// Not available on this system.
 #[cfg(not(any(target_os = "linux", target_os = "macos")))]
-fn exchange(_: &Path, _: &Path) -> io::Result<()> {
+fn exchange_paths(_: &Path, _: &Path) -> io::Result<()> {
     Err(io::ErrorKind::Unsupported.into())
 }
 
-/// The same in two steps, where the file system cannot do it in one. If a run is killed between them, [`sweep`] puts the
-/// old output back.
+/// The same in two steps, where the file system cannot exchange. If a run is killed between them, [`sweep_leftovers`] puts the old
+/// output back.
 fn step_aside(temporary: &Path, target: &Path) -> io::Result<()> {
     let aside = aside_of(temporary);
     fs::rename(target, &aside)?;
@@ -163,17 +177,18 @@ fn aside_of(temporary: &Path) -> PathBuf {
     aside.into()
 }
 
-/// Removes what earlier runs, now dead, left for the same target; an old output that had stepped aside when its run was
-/// killed gets its name back.
-fn sweep(parent: &Path, prefix: &std::ffi::OsStr, target: &Path) {
+/// Removes what runs that no longer exist left for the same target; an old output that was being replaced when its run
+/// was killed gets its name back.
+fn sweep_leftovers(parent: &Path, prefix: &std::ffi::OsStr, target: &Path) {
     let Ok(entries) = fs::read_dir(parent) else { return };
     for entry in entries.flatten() {
         let name = entry.file_name();
         let bytes = name.as_encoded_bytes();
         let Some(rest) = bytes.strip_prefix(prefix.as_encoded_bytes()) else { continue };
         let digits: String = rest.iter().map_while(|b| b.is_ascii_digit().then_some(*b as char)).collect();
-        // A file with this process's own number is of another that had the number before, as in every start of a container.
-        let dead = digits.parse().is_ok_and(|pid: u32| pid == std::process::id() || !alive(pid));
+        // A file with this process's own number is of an earlier process with the same number, as after every start of a
+        // container.
+        let dead = digits.parse().is_ok_and(|pid: u32| pid == std::process::id() || !is_alive(pid));
         if !dead {
             continue;
         }
@@ -184,12 +199,12 @@ fn sweep(parent: &Path, prefix: &std::ffi::OsStr, target: &Path) {
     }
 }
 
-/// Whether a process with this id runs. Without a /proc to ask, everything counts as alive and is left alone.
-fn alive(pid: u32) -> bool {
+/// Whether a process with this id runs; always true on systems without /proc.
+fn is_alive(pid: u32) -> bool {
     !Path::new("/proc/self").exists() || Path::new(&format!("/proc/{pid}")).exists()
 }
 
-/// Writes a whole file at once.
+/// Writes a whole file at once, under its final name only when complete.
 ///
 /// # Errors
 /// As [`Pending::file`] and [`Pending::commit`].
@@ -292,7 +307,7 @@ mod tests {
         let [target, other] = ["out", "other"].map(|name| dir.path().join(name));
         planted(&target, b"0");
         planted(&other, b"0");
-        if let Err(e) = exchange(&target, &other) {
+        if let Err(e) = exchange_paths(&target, &other) {
             println!("skipped: this file system cannot exchange two names ({e})");
             return;
         }

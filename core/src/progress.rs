@@ -1,6 +1,26 @@
 //! Progress and cancellation of long work, as an argument.
 
-/// Receives the progress of long work and says whether it should stop.
+/// Receives the progress of long work and decides whether it should stop.
+///
+/// ```
+/// use lenslet_core::progress::{Interrupted, Observer, Silent};
+///
+/// struct Stop;
+/// impl Observer for Stop {
+///     fn cancelled(&self) -> bool {
+///         true
+///     }
+/// }
+/// fn count(observer: &dyn Observer) -> Result<u32, Interrupted> {
+///     observer.begin("counting", 3);
+///     for _ in 0..3 {
+///         observer.check()?;
+///         observer.advance(1);
+///     }
+///     Ok(3)
+/// }
+/// assert_eq!((count(&Silent), count(&Stop)), (Ok(3), Err(Interrupted)));
+/// ```
 pub trait Observer: Sync {
     /// A stage begins; `total` is its number of steps (0 when unknown).
     fn begin(&self, _stage: &str, _total: u64) {}
@@ -21,12 +41,12 @@ pub trait Observer: Sync {
     }
 }
 
-/// The work was asked to stop, and stopped. Every error of a long computation has it as a transparent variant.
+/// The work stopped because it was asked to. Every error of a long computation has it as a transparent variant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("interrupted")]
 pub struct Interrupted;
 
-/// Says nothing, never cancels.
+/// Ignores all progress and never cancels.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 

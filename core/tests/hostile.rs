@@ -97,7 +97,7 @@ fn calibration_bundles_and_archives() {
                 }
                 let choice = whites::choose_white_image(&slot.path, list, &capture());
                 assert!(!choice.lines().is_empty());
-                members::members(&slot.path).unwrap();
+                members::list_members(&slot.path).unwrap();
             }
             Err(e) => line(e),
         });

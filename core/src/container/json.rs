@@ -11,6 +11,14 @@ pub const MAX_TEXT: usize = 8 << 20;
 ///
 /// # Errors
 /// A line saying what is wrong, when the text is too long or not JSON.
+///
+/// ```
+/// use lenslet_core::container::json;
+///
+/// let value = json::parse(b"{\"frames\": [{\"iso\": 80.0}]}\0\0").unwrap(); // padding is ignored
+/// assert_eq!(json::integer_at(&value, "frames.0.iso"), Some(80));
+/// assert!(json::parse(b"{").is_err());
+/// ```
 pub fn parse(bytes: &[u8]) -> Result<Value, String> {
     if bytes.len() > MAX_TEXT {
         return Err(format!("JSON text of {} bytes, more than the {MAX_TEXT} allowed", bytes.len()));

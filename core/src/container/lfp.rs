@@ -48,9 +48,9 @@ pub fn locate_frame(container: &Container) -> Result<LocatedFrame, Error> {
             }),
         ));
     };
-    let missing = missing(container, contents);
-    let private = document(container, entry, "privateMetadataRef", &mut warnings)?;
-    let metadata = document(container, entry, "metadataRef", &mut warnings)?;
+    let missing = missing_parts(container, contents);
+    let private = read_document(container, entry, "privateMetadataRef", &mut warnings)?;
+    let metadata = read_document(container, entry, "metadataRef", &mut warnings)?;
     // Some programs keep the metadata in the table of contents itself.
     let (mut facts, more) = metadata::read_frame(metadata.as_ref().unwrap_or(contents), private.as_ref());
     warnings.extend(more);
@@ -112,7 +112,7 @@ fn own_white_image(
     let (bytes, damaged) = container.checked(segment)?;
     warnings.extend(damaged);
     let mut own = Vec::new();
-    let (mut white_facts, more) = match document(container, frame, "modulationDataMetadataRef", &mut own)? {
+    let (mut white_facts, more) = match read_document(container, frame, "modulationDataMetadataRef", &mut own)? {
         Some(m) => metadata::read_frame(&m, None),
         None => (FrameFacts::default(), Vec::new()),
     };
@@ -139,15 +139,15 @@ fn own_white_image(
 }
 
 /// Every part the contents name that is not in the file.
-fn missing(container: &Container, contents: &Value) -> Vec<Reference> {
-    references::collect(contents)
+fn missing_parts(container: &Container, contents: &Value) -> Vec<Reference> {
+    references::collect_references(contents)
         .into_iter()
         .filter(|r| references::is_part(r) && container.find(&r.sha1).is_none())
         .collect()
 }
 
 /// The JSON document a key of the frame refers to; absent or unreadable ones are a warning.
-fn document(
+fn read_document(
     container: &Container,
     frame: &Value,
     key: &str,

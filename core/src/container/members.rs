@@ -12,13 +12,16 @@ use super::segments::{Container, HEADER, MAGIC, SegmentKind};
 use super::{file, json, references};
 
 /// Most files looked at in one folder.
+/// Source: chosen.
 const MAX_FILES: usize = 20_000;
-/// How deep folders are searched.
+/// Levels of sub-folders searched.
+/// Source: chosen.
 const MAX_DEPTH: usize = 4;
 /// Most volumes of one bundle.
+/// Source: chosen.
 const MAX_VOLUMES: usize = 100;
 
-/// One file, wherever it lies.
+/// One file: by itself, or a stretch of a bundle or archive.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Member {
     /// Its name as stored: a file name, or a camera's path such as `C:\T1CALIB\MOD_0001.RAW`.
@@ -72,7 +75,7 @@ impl Member {
         Ok(bytes)
     }
 
-    /// How to call it in messages: the file, and the name inside it where that differs.
+    /// Its name in messages: the file, and the name inside it where that differs.
     pub fn label(&self) -> String {
         if self.offset == 0 && self.path.to_string_lossy().ends_with(&self.name) {
             self.path.display().to_string()
@@ -82,12 +85,12 @@ impl Member {
     }
 }
 
-/// What was found, with what was odd about it.
+/// The files found.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Members {
     /// In order of file name, then place.
     pub list: Vec<Member>,
-    /// One line each.
+    /// What was odd about them, one line each.
     pub warnings: Vec<String>,
 }
 
@@ -95,20 +98,20 @@ pub struct Members {
 ///
 /// # Errors
 /// When `path` cannot be read or is none of these.
-pub fn members(path: &Path) -> Result<Members, Error> {
+pub fn list_members(path: &Path) -> Result<Members, Error> {
     let mut out = Members::default();
     let mut seen = HashSet::new();
     if std::fs::metadata(path).map_err(Error::io(path))?.is_dir() {
-        folder(path, 0, &mut seen, &mut out)?;
+        add_folder(path, 0, &mut seen, &mut out)?;
         return Ok(out);
     }
-    if !inside(path, &mut seen, &mut out)? {
+    if !add_contents_of(path, &mut seen, &mut out)? {
         return Err(Error::not_recognised(path, "not a folder, a calibration bundle (data.C.n) or a .tar archive"));
     }
     Ok(out)
 }
 
-fn folder(path: &Path, depth: usize, seen: &mut HashSet<PathBuf>, out: &mut Members) -> Result<(), Error> {
+fn add_folder(path: &Path, depth: usize, seen: &mut HashSet<PathBuf>, out: &mut Members) -> Result<(), Error> {
     let mut entries = Vec::new();
     for entry in std::fs::read_dir(path).map_err(Error::io(path))? {
         entries.push(entry.map_err(Error::io(path))?.path());
@@ -122,12 +125,12 @@ fn folder(path: &Path, depth: usize, seen: &mut HashSet<PathBuf>, out: &mut Memb
         let Ok(meta) = std::fs::metadata(&entry) else { continue };
         if meta.is_dir() {
             if depth < MAX_DEPTH {
-                folder(&entry, depth + 1, seen, out)?;
+                add_folder(&entry, depth + 1, seen, out)?;
             } else {
                 out.warnings.push(format!("{} lies too deep and was left out", entry.display()));
             }
         } else if meta.is_file() {
-            match inside(&entry, seen, out) {
+            match add_contents_of(&entry, seen, out) {
                 Ok(true) => {}
                 Ok(false) => {
                     let name = entry.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -141,25 +144,25 @@ fn folder(path: &Path, depth: usize, seen: &mut HashSet<PathBuf>, out: &mut Memb
 }
 
 /// Adds what lies inside `path`, if it is a bundle or an archive; says whether it is.
-fn inside(path: &Path, seen: &mut HashSet<PathBuf>, out: &mut Members) -> Result<bool, Error> {
+fn add_contents_of(path: &Path, seen: &mut HashSet<PathBuf>, out: &mut Members) -> Result<bool, Error> {
     let canonical = path.canonicalize().map_err(Error::io(path))?;
     if seen.contains(&canonical) {
         return Ok(true);
     }
     let head = file::head(path, 512)?;
     if head.starts_with(&MAGIC) {
-        return bundle(path, seen, out);
+        return add_bundle(path, seen, out);
     }
     if head.len() == 512 && &head[257..262] == b"ustar" {
         seen.insert(canonical);
-        out.list.extend(archive(path)?);
+        out.list.extend(list_archive(path)?);
         return Ok(true);
     }
     Ok(false)
 }
 
 /// A data.C.n bundle with the volumes it names; false when the container is a capture.
-fn bundle(path: &Path, seen: &mut HashSet<PathBuf>, out: &mut Members) -> Result<bool, Error> {
+fn add_bundle(path: &Path, seen: &mut HashSet<PathBuf>, out: &mut Members) -> Result<bool, Error> {
     let mut volumes = vec![Container::open(path)?];
     let contents = volumes[0].contents()?;
     if !contents.iter().any(|c| c.get("files").is_some_and(serde_json::Value::is_array)) {
@@ -233,7 +236,7 @@ fn bundle(path: &Path, seen: &mut HashSet<PathBuf>, out: &mut Members) -> Result
 }
 
 /// The regular files of a .tar archive (ustar; names up to 255 bytes).
-fn archive(path: &Path) -> Result<Vec<Member>, Error> {
+fn list_archive(path: &Path) -> Result<Vec<Member>, Error> {
     let (mut file, length) = file::open(path)?;
     let mut out = Vec::new();
     let (mut position, mut head) = (0u64, [0u8; 512]);

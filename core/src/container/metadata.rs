@@ -1,7 +1,7 @@
 //! Frame metadata JSON into typed facts: F01 captures, Illum captures, the .TXT beside white images.
 //!
-//! Keys differ between cameras and programs; each fact is looked for in every place it is known to be written.
-//! Facts that are absent stay `None`; facts that make no sense are dropped, with a warning.
+//! Keys differ between cameras and programs; each fact is looked for under every key known for it.
+//! Facts that are absent are `None`; facts out of range are dropped, with a warning.
 
 use serde_json::Value;
 
@@ -26,7 +26,7 @@ pub struct FrameFacts {
     pub white_balance: Option<[f32; 4]>,
     /// Camera RGB to linear sRGB, row-major.
     pub ccm: Option<[f32; 9]>,
-    /// Encoding exponent.
+    /// Encoding exponent (about 1/2.4).
     pub gamma: Option<f32>,
     /// Camera facts.
     pub camera: CameraFacts,
@@ -56,7 +56,17 @@ fn frame_nodes(root: &Value) -> (&Value, &Value) {
 }
 
 /// Reads frame metadata; `private` is the document with the serial number, where that is another.
-/// Returns the facts and one line for each that made no sense.
+/// Returns the facts, and a warning for each that is out of range.
+///
+/// ```
+/// use lenslet_core::container::{json, metadata};
+///
+/// let text = br#"{"image": {"width": 7728, "height": 5368, "iso": 80}, "camera": {"model": "ILLUM"}}"#;
+/// let (facts, warnings) = metadata::read_frame(&json::parse(text)?, None);
+/// assert_eq!((facts.size, facts.camera.iso), (Some((7728, 5368)), Some(80.0)));
+/// assert!(facts.levels.is_none() && warnings.is_empty());
+/// # Ok::<(), String>(())
+/// ```
 pub fn read_frame(root: &Value, private: Option<&Value>) -> (FrameFacts, Vec<String>) {
     let (m, own_private) = frame_nodes(root);
     let (is_white, is_dark) = frame_tags(root);
@@ -88,21 +98,22 @@ pub fn read_frame(root: &Value, private: Option<&Value>) -> (FrameFacts, Vec<Str
     });
     let mosaic = image("mosaic").or_else(|| value_at(m, "devices.sensor.mosaic"));
     let cfa = mosaic.and_then(|m| {
-        let cfa = cfa(m);
+        let cfa = read_cfa(m);
         if cfa.is_none() {
             drop("the colour filter array", m);
         }
         cfa
     });
     let levels = image("pixelFormat").and_then(|f| {
-        let levels = Levels { black: four(f, "black")?, white: four(f, "white")? };
+        let levels = Levels { black: four_channels(f, "black")?, white: four_channels(f, "white")? };
         levels.is_valid().then_some(levels).or_else(|| {
             drop("the black or white level", f);
             None
         })
     });
-    let gains = four(m, "image.color.whiteBalanceGain").or_else(|| four(m, "algorithms.awb.computed.gain"));
-    let ccm = ["image.color.ccmRgbToSrgbArray", "image.color.ccm"].iter().find_map(|p| nine(value_at(m, p)?));
+    let gains =
+        four_channels(m, "image.color.whiteBalanceGain").or_else(|| four_channels(m, "algorithms.awb.computed.gain"));
+    let ccm = ["image.color.ccmRgbToSrgbArray", "image.color.ccm"].iter().find_map(|p| matrix_entries(value_at(m, p)?));
     let gamma = number_at(m, "image.color.gamma").map(|g| g as f32);
     let mut keep = |what: &str, ok: bool, found: &dyn std::fmt::Debug| {
         if !ok {
@@ -130,7 +141,8 @@ pub fn read_frame(root: &Value, private: Option<&Value>) -> (FrameFacts, Vec<Str
 
     let privates = [private, Some(own_private), Some(m), Some(root)];
     let first = |path: &str| privates.iter().flatten().find_map(|v| text_at(v, path));
-    let response = four(m, "devices.sensor.normalizedResponses.0").filter(|r| r.iter().all(|x| *x > 0.0 && *x < 100.0));
+    let response =
+        four_channels(m, "devices.sensor.normalizedResponses.0").filter(|r| r.iter().all(|x| *x > 0.0 && *x < 100.0));
     let camera = CameraFacts {
         make: text_at(m, "camera.make"),
         model: text_at(m, "camera.model").or_else(|| text_at(root, "cameraModel")),
@@ -185,7 +197,7 @@ pub fn white_ref(root: &Value) -> Option<String> {
     .find(|s| is_sha1(s) && s.bytes().skip(5).any(|b| b != b'0'))
 }
 
-fn cfa(mosaic: &Value) -> Option<Cfa> {
+fn read_cfa(mosaic: &Value) -> Option<Cfa> {
     let tile = mosaic.get("tile").and_then(Value::as_str).unwrap_or("r,gr:gb,b");
     if tile.eq_ignore_ascii_case("monochrome") {
         return Some(Cfa::Mono);
@@ -203,13 +215,13 @@ fn cfa(mosaic: &Value) -> Option<Cfa> {
 }
 
 /// The numbers `r`, `gr`, `gb`, `b` of the object at `path`.
-fn four(value: &Value, path: &str) -> Option<[f32; 4]> {
+fn four_channels(value: &Value, path: &str) -> Option<[f32; 4]> {
     let node = value_at(value, path)?;
     let n = |key| number_at(node, key).map(|x| x as f32).filter(|x| x.is_finite());
     Some([n("r")?, n("gr")?, n("gb")?, n("b")?])
 }
 
-fn nine(value: &Value) -> Option<[f32; 9]> {
+fn matrix_entries(value: &Value) -> Option<[f32; 9]> {
     let items: Vec<f32> = value.as_array()?.iter().filter_map(Value::as_f64).map(|x| x as f32).collect();
     <[f32; 9]>::try_from(items).ok()
 }

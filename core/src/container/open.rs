@@ -21,8 +21,8 @@ pub fn open_capture(path: &Path, profile: Option<&str>) -> Result<Capture, Error
 }
 
 impl Capture {
-    /// Opens a capture file: a container (.lfp, .lfr), a raw mosaic as a picture (PNG, TIFF, JPEG, PGM; 8 or 16 bit, one
-    /// channel), or a packed .raw with its metadata in a .txt or .json of the same name.
+    /// Opens a capture file: a container (.lfp, .lfr), a raw mosaic as a picture (PNG, TIFF, JPEG, PGM; 8 or 16 bit,
+    /// one channel), or a packed .raw with its metadata in a .txt or .json of the same name.
     ///
     /// Raw files without metadata and pictures are recognised by their size.
     ///
@@ -70,8 +70,8 @@ fn read_capture(path: &Path, profile: Option<&CameraProfile>) -> Result<Capture,
     raw::capture_from_raw(path, profile)
 }
 
-/// Whether a file is a JPEG picture. A mosaic kept so has lost some of its colour: the filter array is the finest detail
-/// there is, and JPEG drops that first.
+/// Whether a file is a JPEG picture. A mosaic stored as JPEG has lost part of its colour: the filter array is its finest
+/// detail, and fine detail is what JPEG drops.
 pub fn is_jpeg(path: &Path) -> bool {
     file::head(path, 3).is_ok_and(|head| head == [0xff, 0xd8, 0xff])
 }

@@ -75,10 +75,19 @@ impl Packing {
     }
 }
 
-/// Groups handed to a thread at once: about half a megabyte of pixels.
+/// Groups handed to a thread at once: 128 to 512 KiB of pixels.
+/// Source: chosen.
 const CHUNK: usize = 1 << 16;
 
 /// Unpacks the first `pixels` pixels of `bytes`; `None` when there are too few bytes.
+///
+/// ```
+/// use lenslet_core::container::packing::{Packing, pack, unpack};
+///
+/// assert_eq!(unpack(Packing::Be12, &[0x12, 0x34, 0x56], 2), Some(vec![0x123, 0x456]));
+/// assert_eq!(pack(Packing::Be12, &[0x123, 0x456]), Some(vec![0x12, 0x34, 0x56]));
+/// assert_eq!(pack(Packing::Be12, &[4096]), None); // more than 12 bit
+/// ```
 pub fn unpack(packing: Packing, bytes: &[u8], pixels: usize) -> Option<Vec<u16>> {
     let bytes = bytes.get(..packing.bytes(pixels)?)?;
     let (n, b) = packing.group();
@@ -157,7 +166,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The obvious way, a bit at a time.
+    /// The plain twin: a bit at a time.
     fn bit_by_bit(packing: Packing, bytes: &[u8], pixels: usize) -> Vec<u16> {
         let bit = |i: usize| u16::from(bytes[i / 8] >> (7 - i % 8) & 1);
         (0..pixels)

@@ -16,7 +16,7 @@ use super::profile::CameraProfile;
 use super::sidecar::read_sidecar;
 use crate::digest::sha256_hex;
 
-/// Longest picture file read.
+/// Longest picture file read, bytes.
 pub(super) const MAX_FILE: u64 = 1 << 30;
 /// Largest decoded picture: 512 MiB, three times an Illum's as 16-bit colour.
 const MAX_DECODED: u64 = 512 << 20;
@@ -26,7 +26,8 @@ pub(super) fn is_picture(head: &[u8]) -> bool {
     matches!(image::guess_format(head), Ok(ImageFormat::Png | ImageFormat::Tiff | ImageFormat::Jpeg | ImageFormat::Pnm))
 }
 
-/// Reads a mosaic from the bytes of a picture file. A .txt or .json of the same name beside it adds the camera's metadata.
+/// Reads a mosaic from the bytes of a picture file. A .txt or .json of the same name beside it adds the camera's
+/// metadata.
 pub(super) fn capture_from_picture(
     path: &Path,
     bytes: &[u8],

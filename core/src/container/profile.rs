@@ -17,13 +17,13 @@ const MAX_FILE: u64 = 1 << 20;
 // `EMBEDDED`: the text of every file of `core/profiles`, made by `core/build.rs`.
 include!(concat!(env!("OUT_DIR"), "/profiles.rs"));
 
-/// What is known of a camera model.
+/// The facts of a camera model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraProfile {
     /// Version of this format, 1.
     pub format: u32,
-    /// Name, e.g. `lytro-f01`.
+    /// Its name on the command line, e.g. `lytro-f01`.
     pub name: String,
     /// Maker.
     #[serde(default)]
@@ -34,7 +34,7 @@ pub struct CameraProfile {
     /// Other names of the same model, e.g. that in its white images.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub aliases: Vec<String>,
-    /// Whether pictures and raw files that say nothing of their camera are taken for this one. One profile has it.
+    /// Whether mosaics without any camera facts are taken for this camera. One profile has it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub fallback: bool,
     /// Whether its captures carry their white image.
@@ -165,7 +165,7 @@ impl CameraProfile {
         Self::built_in().iter().find(|p| p.is_called(model))
     }
 
-    /// The built-in profile for pictures and raw files that say nothing of their camera.
+    /// The built-in profile for mosaics without any camera facts.
     pub fn fallback() -> Option<&'static CameraProfile> {
         let all = Self::built_in();
         all.iter().find(|p| p.fallback).or(all.first())

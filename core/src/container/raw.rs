@@ -1,4 +1,5 @@
-//! Packed sensor images without a container (MOD_0001.RAW): metadata from the .txt or .json beside, else from a profile.
+//! Packed sensor images without a container (MOD_0001.RAW): metadata from the .txt or .json beside them, else from a
+//! profile.
 
 use std::path::Path;
 
@@ -14,7 +15,10 @@ use crate::digest::sha256_hex;
 /// Longest raw file read: 32768 x 8192 pixels of 16 bit.
 const MAX_FILE: u64 = 512 << 20;
 
-/// Reads a raw file.
+/// Reads a packed raw file.
+///
+/// # Errors
+/// When nothing says how it is stored, or its length is not that of its pixels.
 pub(super) fn capture_from_raw(path: &Path, profile: Option<&CameraProfile>) -> Result<Capture, Error> {
     let (_, length) = file::open(path)?;
     let mut warnings = Vec::new();

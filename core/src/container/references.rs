@@ -21,26 +21,34 @@ pub fn is_sha1(text: &str) -> bool {
 }
 
 /// Every reference in `value`, in document order.
-pub fn collect(value: &Value) -> Vec<Reference> {
+///
+/// ```
+/// use lenslet_core::container::references::collect_references;
+///
+/// let sha1 = format!("sha1-{}", "a".repeat(40));
+/// let found = collect_references(&serde_json::json!({"frame": {"imageRef": sha1}}));
+/// assert_eq!(found[0].path, "frame.imageRef");
+/// ```
+pub fn collect_references(value: &Value) -> Vec<Reference> {
     let mut out = Vec::new();
-    walk(value, String::new(), &mut out);
+    collect_below(value, String::new(), &mut out);
     out
 }
 
-fn walk(value: &Value, path: String, out: &mut Vec<Reference>) {
+fn collect_below(value: &Value, path: String, out: &mut Vec<Reference>) {
     let join = |key: &str| if path.is_empty() { key.to_string() } else { format!("{path}.{key}") };
     match value {
         Value::String(text) if is_sha1(text) => out.push(Reference { path, sha1: text.to_ascii_lowercase() }),
         Value::Array(items) => {
             for (k, item) in items.iter().enumerate() {
                 if matches!(item, Value::Array(_) | Value::Object(_) | Value::String(_)) {
-                    walk(item, join(&k.to_string()), out);
+                    collect_below(item, join(&k.to_string()), out);
                 }
             }
         }
         Value::Object(items) => {
             for (key, item) in items {
-                walk(item, join(key), out);
+                collect_below(item, join(key), out);
             }
         }
         _ => {}
@@ -56,7 +64,8 @@ pub fn by_sha1(references: &[Reference]) -> HashMap<&str, &Reference> {
     map
 }
 
-/// Whether a reference names a part of this file (keys ending in `Ref`), not an ancestor kept elsewhere (`derivationArray`).
+/// Whether a reference names a part of this file (keys ending in `Ref`), not an ancestor in another file
+/// (`derivationArray`).
 pub fn is_part(reference: &Reference) -> bool {
     reference.path.rsplit('.').next().is_some_and(|key| key.ends_with("Ref"))
 }
@@ -69,7 +78,7 @@ mod tests {
     fn references_are_found_with_their_place() {
         let a = format!("sha1-{}", "a".repeat(40));
         let v = serde_json::json!({"f": [{"imageRef": a.to_uppercase(), "n": 1}], "derivationArray": [a, "sha1-short"], "x": "sha1-é"});
-        let found = collect(&v);
+        let found = collect_references(&v);
         assert_eq!(found.len(), 2);
         assert_eq!(found[0].path, "f.0.imageRef");
         assert_eq!(found[0].sha1, a);

@@ -18,9 +18,11 @@ use super::{file, json};
 pub const MAGIC: [u8; 8] = *b"\x89LFP\r\n\x1a\n";
 /// Bytes before the payload of a segment.
 pub(super) const HEADER: u64 = 96;
-/// More segments than any camera writes.
+/// Most segments of one container; cameras write fewer than a thousand.
+/// Source: chosen.
 const MAX_SEGMENTS: usize = 1 << 16;
-/// Longest run of zeros skipped in search of the next segment.
+/// Longest run of zeros skipped in search of the next segment, bytes.
+/// Source: chosen.
 const MAX_ZEROS: u64 = 1 << 16;
 
 /// What a segment is.
@@ -35,7 +37,7 @@ pub enum SegmentKind {
 }
 
 impl SegmentKind {
-    /// `LFM`, `LFC` or what the file says.
+    /// `LFM`, `LFC` or the other mark of the file.
     pub fn name(self) -> String {
         let letter = match self {
             SegmentKind::Contents => b'M',
@@ -92,6 +94,23 @@ impl Container {
     ///
     /// # Errors
     /// As [`Container::open`].
+    ///
+    /// ```
+    /// use lenslet_core::container::segments::{Container, MAGIC, sha1_of};
+    ///
+    /// let contents = br#"{"frames": []}"#;
+    /// let mut bytes = [&MAGIC[..], &[0, 0, 0, 1, 0, 0, 0, 0]].concat(); // file header
+    /// bytes.extend(b"\x89LFM\r\n\x1a\n\0\0\0\0"); // segment header: mark, version, length, sha1, padding
+    /// bytes.extend((contents.len() as u32).to_be_bytes());
+    /// bytes.extend(sha1_of(contents).bytes());
+    /// bytes.extend([0; 35]);
+    /// bytes.extend(contents);
+    ///
+    /// let container = Container::from_bytes("memory.lfp".as_ref(), bytes)?;
+    /// assert_eq!(container.segments[0].kind.name(), "LFM");
+    /// assert!(container.contents()?[0]["frames"].is_array());
+    /// # Ok::<(), lenslet_core::container::Error>(())
+    /// ```
     pub fn from_bytes(path: &Path, bytes: Vec<u8>) -> Result<Container, Error> {
         let length = bytes.len() as u64;
         Self::scan(path, Box::new(Cursor::new(bytes)), length)
@@ -194,7 +213,7 @@ impl Container {
         self.segments.iter().find(|s| s.sha1.eq_ignore_ascii_case(sha1))
     }
 
-    /// The payload of `segment`, and a warning when its sha1 is not the one the header promises.
+    /// The payload of `segment`, and a warning when its sha1 is not the one in its header.
     ///
     /// # Errors
     /// When the file cannot be read.
@@ -259,7 +278,7 @@ pub fn sha1_of(bytes: &[u8]) -> String {
     format!("sha1-{:x}", Sha1::digest(bytes))
 }
 
-/// Whether three bytes of segment mark stand at `position`.
+/// Whether the bytes at `position` begin a segment mark.
 fn mark_at(source: &mut Box<dyn Bytes>, position: u64) -> std::io::Result<bool> {
     source.seek(SeekFrom::Start(position))?;
     let mut mark = Vec::new();

@@ -13,7 +13,8 @@ use super::references;
 use super::segments::{HEADER, MAGIC, sha1_of};
 use crate::output::Pending;
 
-/// Pixel pitch written where a lenslet pitch must become metres; both are divided again on reading.
+/// Pixel pitch in metres by which a lenslet pitch in pixels is written; reading divides by it again.
+/// Source: the F01's and the Illum's.
 const PIXEL_PITCH: f64 = 1.4e-6;
 
 /// Writes a capture as a container. Pixels are packed as the white level allows: 10 bit (up to 1023), 12 bit (up to
@@ -22,7 +23,7 @@ const PIXEL_PITCH: f64 = 1.4e-6;
 /// # Errors
 /// When a pixel is above what the white level's packing holds, the sizes disagree, or the file cannot be put in place.
 pub fn write_lfp(path: &Path, capture: &Capture, force: bool) -> Result<(), Error> {
-    let segments = segments(capture)?;
+    let segments = segments_of(capture)?;
     let pending = Pending::file(path, force)?;
     let write = || -> std::io::Result<()> {
         let mut out = std::fs::File::create(pending.path())?;
@@ -48,10 +49,10 @@ pub fn write_lfp(path: &Path, capture: &Capture, force: bool) -> Result<(), Erro
 }
 
 /// Letter and payload of each segment, in file order.
-fn segments(capture: &Capture) -> Result<Vec<(u8, Vec<u8>)>, Error> {
-    let image = packed(capture)?;
-    let metadata = text(&metadata(capture, image.0));
-    let private = text(&private(capture));
+fn segments_of(capture: &Capture) -> Result<Vec<(u8, Vec<u8>)>, Error> {
+    let image = pack_image(capture)?;
+    let metadata = json_text(&frame_document(capture, image.0));
+    let private = json_text(&private_document(capture));
     let reference = |bytes: &[u8]| Value::from(sha1_of(bytes));
     let ancestors = match &capture.camera.white_ref {
         Some(r) if references::is_sha1(r) => json!([r]),
@@ -62,7 +63,7 @@ fn segments(capture: &Capture) -> Result<Vec<(u8, Vec<u8>)>, Error> {
         "privateMetadataRef": reference(&private),
         "imageRef": reference(&image.1),
     });
-    // Only white images say how the sensor responds to white.
+    // Only white images have the sensor's response to white.
     let is_white = capture.camera.normalized_response.is_some();
     let Some(white) = &capture.white else {
         let contents = json!({
@@ -78,11 +79,11 @@ fn segments(capture: &Capture) -> Result<Vec<(u8, Vec<u8>)>, Error> {
             "thumbnailArray": [],
             "version": {"major": 1, "minor": 0, "provisionalDate": "2011-08-03"},
         });
-        return Ok(vec![(b'M', text(&contents)), (b'C', metadata), (b'C', image.1), (b'C', private)]);
+        return Ok(vec![(b'M', json_text(&contents)), (b'C', metadata), (b'C', image.1), (b'C', private)]);
     };
-    let white_image = packed(white)?;
-    let white_metadata = text(&json!({"master": {"picture": {"frameArray": [{
-        "frame": {"metadata": self::metadata(white, white_image.0), "privateMetadata": self::private(white)},
+    let white_image = pack_image(white)?;
+    let white_metadata = json_text(&json!({"master": {"picture": {"frameArray": [{
+        "frame": {"metadata": frame_document(white, white_image.0), "privateMetadata": private_document(white)},
         "parameters": {"vendorContent": {"com.lytro.tags": {"darkFrame": false, "modulationFrame": true}}},
     }]}}}));
     frame["modulationDataRef"] = reference(&white_image.1);
@@ -94,16 +95,16 @@ fn segments(capture: &Capture) -> Result<Vec<(u8, Vec<u8>)>, Error> {
         (b'C', image.1),
         (b'C', white_metadata),
         (b'C', white_image.1),
-        (b'M', text(&contents)),
+        (b'M', json_text(&contents)),
     ])
 }
 
-fn text(value: &Value) -> Vec<u8> {
-    // Writing a `Value` to memory cannot fail; were it to, an empty segment would show it.
+fn json_text(value: &Value) -> Vec<u8> {
+    // Writing a `Value` to memory cannot fail.
     serde_json::to_vec_pretty(value).unwrap_or_default()
 }
 
-fn packed(capture: &Capture) -> Result<(Packing, Vec<u8>), Error> {
+fn pack_image(capture: &Capture) -> Result<(Packing, Vec<u8>), Error> {
     let (m, white) = (&capture.mosaic, capture.levels.white.iter().copied().fold(0.0, f32::max));
     let packing = if white <= 1023.0 {
         Packing::Le10
@@ -121,18 +122,18 @@ fn packed(capture: &Capture) -> Result<(Packing, Vec<u8>), Error> {
     Ok((packing, bytes))
 }
 
-fn four(v: [f32; 4]) -> Value {
+fn four_channels(v: [f32; 4]) -> Value {
     json!({"r": v[0], "gr": v[1], "gb": v[2], "b": v[3]})
 }
 
-fn private(capture: &Capture) -> Value {
+fn private_document(capture: &Capture) -> Value {
     match &capture.camera.serial {
         Some(serial) => json!({"camera": {"serialNumber": serial}}),
         None => json!({"camera": {}}),
     }
 }
 
-fn metadata(capture: &Capture, packing: Packing) -> Value {
+fn frame_document(capture: &Capture, packing: Packing) -> Value {
     let (camera, colour) = (&capture.camera, &capture.colour);
     let mosaic = match capture.cfa {
         Cfa::Mono => json!({"tile": "monochrome", "upperLeftPixel": "gr"}),
@@ -151,11 +152,11 @@ fn metadata(capture: &Capture, packing: Packing) -> Value {
             "orientation": 1,
             "representation": "rawPacked",
             "rawDetails": {
-                "pixelFormat": {"rightShift": 0, "black": four(capture.levels.black), "white": four(capture.levels.white)},
+                "pixelFormat": {"rightShift": 0, "black": four_channels(capture.levels.black), "white": four_channels(capture.levels.white)},
                 "pixelPacking": {"endianness": packing.endianness(), "bitsPerPixel": packing.bits()},
                 "mosaic": mosaic.clone(),
             },
-            "color": {"ccmRgbToSrgbArray": colour.ccm, "applied": {}, "whiteBalanceGain": four(colour.white_balance)},
+            "color": {"ccmRgbToSrgbArray": colour.ccm, "applied": {}, "whiteBalanceGain": four_channels(colour.white_balance)},
         },
         "devices": {"sensor": {"bitsPerPixel": packing.bits(), "mosaic": mosaic, "pixelPitch": PIXEL_PITCH}, "lens": {}, "shutter": {}},
         "camera": {},
@@ -172,7 +173,7 @@ fn metadata(capture: &Capture, packing: Packing) -> Value {
         "/devices/sensor",
         "normalizedResponses",
         camera.normalized_response.map(|r| {
-            let mut response = four(r);
+            let mut response = four_channels(r);
             response["cct"] = json!(5100);
             json!([response])
         }),

@@ -14,7 +14,7 @@ use super::view_io::{ViewSource, check_finite};
 /// Largest block held in memory, bytes.
 const MAX_BLOCK: u64 = 4 << 30;
 
-/// Where the value (v, u, t, s, c) stands, in numbers from the start, and what the numbers are.
+/// Where the value (v, u, t, s, c) is, counted in numbers from the start, and how the numbers are stored.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BlockLayout {
     /// Steps along v, u, t, s and c.

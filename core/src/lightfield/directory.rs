@@ -1,4 +1,4 @@
-//! Our directory (design section 3): `lightfield.json` and `view_VV_UU.png`, 16 bit, row v, column u, from 00.
+//! Our directory (`docs/file-formats.md`): `lightfield.json` and `view_VV_UU.png`, 16 bit, row v, column u, from 00.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -70,7 +70,7 @@ impl ViewSink for Writer {
 
 impl Drop for Writer {
     fn drop(&mut self) {
-        // Only an abandoned writer still has jobs; its failures no longer matter.
+        // Only an abandoned writer still has jobs; their errors do not matter.
         let _ = self.queue.wait();
     }
 }

@@ -7,7 +7,7 @@ use super::meta::Meta;
 /// A whole light field in memory.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LightField {
-    /// What is known besides the pixels.
+    /// Its description.
     pub meta: Meta,
     /// Values nominally 0..1, shape (v, u, t, s, c).
     pub data: Array5<f32>,

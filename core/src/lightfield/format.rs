@@ -70,7 +70,7 @@ impl fmt::Display for Format {
     }
 }
 
-/// How to read what does not describe itself.
+/// How to read files that lack a description.
 #[derive(Debug, Clone, Default)]
 pub struct ReadOptions {
     /// Views (rows, columns) of files that do not say so (ESLF and other lenslet images).

@@ -30,7 +30,8 @@ pub(super) fn to_sixteen_bits(view: &Array3<f32>) -> Vec<u8> {
     }
 }
 
-/// Big-endian 16-bit samples as a PNG: one filter for all rows and the fastest deflate, 3 to 5 times as fast as the usual setting.
+/// Big-endian 16-bit samples as a PNG: one filter for all rows and the fastest deflate, 3 to 5 times as fast as the
+/// usual setting.
 pub(super) fn encode_png(
     samples: &[u8],
     width: usize,
@@ -51,7 +52,7 @@ pub(super) fn encode_png(
     Ok(bytes)
 }
 
-/// What an image says of itself before its pixels are read.
+/// Size and channels of an image, from its header.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Shape {
     pub(super) width: usize,
@@ -92,7 +93,7 @@ fn open_decoder(path: &Path, max_values: usize) -> Result<(impl ImageDecoder + u
     Ok((decoder, shape))
 }
 
-/// Size and channels, from the file's head.
+/// Size and channels, from the file's header.
 pub(super) fn read_shape(path: &Path) -> Result<Shape, Error> {
     read_shape_within(path, MAX_VIEW_VALUES)
 }

@@ -1,7 +1,7 @@
 //! MATLAB files, level 5 (MathWorks, "MAT-File Format"): the light field is an array of 4 or 5 dimensions
 //! (v, u, t, s[, c]) in column-major order, plain or compressed; a fourth channel is a weight and is left out.
 //!
-//! LFToolbox writes `LF` so (uint16, 65535 = 1, weight last); the networks of the BasicLFSR family read `LF` so (0..1).
+//! LFToolbox writes such an `LF` (uint16, 65535 = 1, weight last); the networks of the BasicLFSR family read one (0..1).
 
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Read, Seek, SeekFrom, Write};
@@ -75,8 +75,8 @@ struct Place {
 pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<BlockViews, Error> {
     let mut file = File::open(path).map_err(io_at(path))?;
     let length = file.metadata().map_err(io_at(path))?.len();
-    let big = endian(&mut file, path)?;
-    let (place, array) = find(&mut file, path, length, big)?;
+    let big = read_byte_order(&mut file, path)?;
+    let (place, array) = find_light_field(&mut file, path, length, big)?;
     let bad = |what: String| unsupported(path, format!("variable {}: {what}", array.name));
     if array.complex {
         return Err(bad("complex numbers".into()));
@@ -109,13 +109,13 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<BlockViews, Err
     if expected > MAX_ARRAY {
         return Err(bad(format!("{} MiB are too many", expected >> 20)));
     }
-    let bytes = data(&mut file, path, place, big, expected)?;
+    let bytes = read_numbers(&mut file, path, place, big, expected)?;
     let block = SampleBlock::new(bytes, BlockLayout { strides, number: array.stored, scale });
     Ok(BlockViews::new(path, meta, block))
 }
 
 /// Checks the file's header; true for big-endian numbers.
-fn endian(file: &mut File, path: &Path) -> Result<bool, Error> {
+fn read_byte_order(file: &mut File, path: &Path) -> Result<bool, Error> {
     let mut header = [0; HEADER as usize];
     file.read_exact(&mut header).map_err(|_| malformed(path, "ends within its header"))?;
     match &header[126..] {
@@ -126,7 +126,7 @@ fn endian(file: &mut File, path: &Path) -> Result<bool, Error> {
 }
 
 /// Finds the light field: the variable `LF`, or else the only array of 4 or 5 dimensions.
-fn find(file: &mut File, path: &Path, length: u64, big: bool) -> Result<(Place, Array), Error> {
+fn find_light_field(file: &mut File, path: &Path, length: u64, big: bool) -> Result<(Place, Array), Error> {
     let mut at = HEADER;
     let mut candidates: Vec<(Place, Array)> = Vec::new();
     let mut seen = Vec::new();
@@ -135,7 +135,7 @@ fn find(file: &mut File, path: &Path, length: u64, big: bool) -> Result<(Place, 
             break;
         }
         file.seek(SeekFrom::Start(at)).map_err(io_at(path))?;
-        let (kind, size) = tag(file, big).map_err(|_| malformed(path, "ends within a variable"))?;
+        let (kind, size) = read_tag(file, big).map_err(|_| malformed(path, "ends within a variable"))?;
         let start = at + 8;
         if size > length - start {
             let reason = format!("ends early: {length} bytes, a variable at {at} promises {size} more");
@@ -147,7 +147,7 @@ fn find(file: &mut File, path: &Path, length: u64, big: bool) -> Result<(Place, 
             continue;
         }
         // An array we cannot describe (a cell, a structure, text) is not the light field.
-        if let Ok(array) = describe(file, place, big) {
+        if let Ok(array) = describe_array(file, place, big) {
             seen.push(array.name.clone());
             let named = array.name == "LF";
             if named || (array.dims.len() >= 4 && array.dims.len() <= 5) {
@@ -177,34 +177,34 @@ fn find(file: &mut File, path: &Path, length: u64, big: bool) -> Result<(Place, 
 }
 
 /// Reads an element's description, up to the start of its numbers.
-fn describe(file: &mut File, place: Place, big: bool) -> std::io::Result<Array> {
+fn describe_array(file: &mut File, place: Place, big: bool) -> std::io::Result<Array> {
     let raw = BufReader::new(file.take(place.length));
     if place.compressed {
         let mut inside = ZlibDecoder::new(raw);
-        let (kind, size) = tag(&mut inside, big)?;
+        let (kind, size) = read_tag(&mut inside, big)?;
         if kind != MI_MATRIX {
             return Err(std::io::ErrorKind::InvalidData.into());
         }
-        head(&mut inside.take(size), big)
+        read_array_header(&mut inside.take(size), big)
     } else {
-        head(&mut { raw }, big)
+        read_array_header(&mut { raw }, big)
     }
 }
 
 /// Reads the numbers of the array at `place`: `count` bytes, which the caller has bounded.
-fn data(file: &mut File, path: &Path, place: Place, big: bool, count: u64) -> Result<Vec<u8>, Error> {
+fn read_numbers(file: &mut File, path: &Path, place: Place, big: bool, count: u64) -> Result<Vec<u8>, Error> {
     let short = |_| malformed(path, "the numbers of its light field end early or are damaged");
     file.seek(SeekFrom::Start(place.start)).map_err(io_at(path))?;
     let raw = BufReader::new(file.take(place.length));
     let mut inside: Box<dyn Read + '_> = if place.compressed {
         let mut inside = ZlibDecoder::new(raw);
-        tag(&mut inside, big).map_err(short)?;
+        read_tag(&mut inside, big).map_err(short)?;
         Box::new(inside)
     } else {
         Box::new(raw)
     };
-    head(&mut inside, big).map_err(short)?;
-    // Grows with what is really there, not with what is promised.
+    read_array_header(&mut inside, big).map_err(short)?;
+    // Grows with the bytes there are, not with the length in the header.
     let mut bytes = Vec::new();
     inside.take(count).read_to_end(&mut bytes).map_err(short)?;
     if bytes.len() as u64 == count {
@@ -214,24 +214,24 @@ fn data(file: &mut File, path: &Path, place: Place, big: bool, count: u64) -> Re
     }
 }
 
-fn word(from: &mut dyn Read, big: bool) -> std::io::Result<u32> {
+fn read_word(from: &mut dyn Read, big: bool) -> std::io::Result<u32> {
     let mut b = [0; 4];
     from.read_exact(&mut b)?;
     Ok(if big { u32::from_be_bytes(b) } else { u32::from_le_bytes(b) })
 }
 
 /// A tag of the long form: what follows, and its length in bytes.
-fn tag(from: &mut dyn Read, big: bool) -> std::io::Result<(u32, u64)> {
-    Ok((word(from, big)?, u64::from(word(from, big)?)))
+fn read_tag(from: &mut dyn Read, big: bool) -> std::io::Result<(u32, u64)> {
+    Ok((read_word(from, big)?, u64::from(read_word(from, big)?)))
 }
 
 /// A small sub-element of either form: its content without padding.
-fn small(from: &mut dyn Read, big: bool, most: u64) -> std::io::Result<Vec<u8>> {
+fn read_small_element(from: &mut dyn Read, big: bool, most: u64) -> std::io::Result<Vec<u8>> {
     let bad = || std::io::Error::from(std::io::ErrorKind::InvalidData);
-    let first = word(from, big)?;
+    let first = read_word(from, big)?;
     let (length, space) = match first >> 16 {
         0 => {
-            let length = u64::from(word(from, big)?);
+            let length = u64::from(read_word(from, big)?);
             (length, length.next_multiple_of(8))
         }
         length @ 1..=4 => (u64::from(length), 4),
@@ -247,17 +247,17 @@ fn small(from: &mut dyn Read, big: bool, most: u64) -> std::io::Result<Vec<u8>> 
 }
 
 /// An array's flags, dimensions and name, and the tag of its numbers; leaves `from` where they start.
-fn head(from: &mut dyn Read, big: bool) -> std::io::Result<Array> {
+fn read_array_header(from: &mut dyn Read, big: bool) -> std::io::Result<Array> {
     let bad = || std::io::Error::from(std::io::ErrorKind::InvalidData);
     let int = SampleFormat { kind: SampleKind::U32, big_endian: big };
-    let flags = int.read(small(from, big, 8)?.get(..4).ok_or_else(bad)?) as u32;
-    let dims = small(from, big, 4 * MAX_DIMENSIONS as u64)?;
+    let flags = int.read(read_small_element(from, big, 8)?.get(..4).ok_or_else(bad)?) as u32;
+    let dims = read_small_element(from, big, 4 * MAX_DIMENSIONS as u64)?;
     let dims: Vec<u64> = dims.chunks_exact(4).map(|d| int.read(d) as u64).collect();
-    let name = String::from_utf8_lossy(&small(from, big, MAX_NAME)?).into_owned();
-    let first = word(from, big)?;
+    let name = String::from_utf8_lossy(&read_small_element(from, big, MAX_NAME)?).into_owned();
+    let first = read_word(from, big)?;
     // A short form would hold at most one number of a light field; its four bytes are the data that follow.
     let (kind, bytes) = match first >> 16 {
-        0 => (first, u64::from(word(from, big)?)),
+        0 => (first, u64::from(read_word(from, big)?)),
         length => (first & 0xffff, u64::from(length)),
     };
     let kind = match kind {
@@ -285,7 +285,8 @@ fn full_scale(class: u8) -> Option<f32> {
     }
 }
 
-/// Writes a MATLAB file with the variable `LF` (v, u, t, s, c), single, uncompressed; it stays in memory until finished.
+/// Writes a MATLAB file with the variable `LF` (v, u, t, s, c), single, uncompressed. The values stay in memory until it
+/// is finished.
 pub(super) struct Writer {
     meta: Meta,
     written: Vec<bool>,
@@ -325,7 +326,7 @@ impl ViewSink for Writer {
         check_all_written(&self.written, self.meta.views[1])?;
         let path = self.pending.path().to_path_buf();
         let mut out = BufWriter::new(File::create(&path).map_err(io_at(&path))?);
-        out.write_all(&opening(&self.meta, self.values.len())).map_err(io_at(&path))?;
+        out.write_all(&file_header(&self.meta, self.values.len())).map_err(io_at(&path))?;
         for x in &self.values {
             out.write_all(&x.to_le_bytes()).map_err(io_at(&path))?;
         }
@@ -338,7 +339,7 @@ impl ViewSink for Writer {
 }
 
 /// Everything before the numbers: the file's header, the array's flags, dimensions and name.
-fn opening(meta: &Meta, values: usize) -> Vec<u8> {
+fn file_header(meta: &Meta, values: usize) -> Vec<u8> {
     let (t, s, c) = meta.view_shape();
     let mut text = b"MATLAB 5.0 MAT-file, light field LF(v, u, t, s, c) written by lenslet".to_vec();
     text.resize(124, b' ');

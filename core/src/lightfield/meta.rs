@@ -1,4 +1,4 @@
-//! What is known of a light field besides its pixels: sizes, colour space, lattice and origin.
+//! The description of a light field: sizes, colour space, lattice and origin of its views.
 
 use ndarray::Array3;
 use serde::{Deserialize, Serialize};
@@ -8,13 +8,16 @@ use super::error::Error;
 use super::origin::ViewOrigin;
 
 /// Most views along one axis.
+/// Source: chosen.
 pub const MAX_VIEWS: usize = 1024;
 /// Longest side of a view, pixels.
+/// Source: chosen.
 pub const MAX_SIDE: usize = 1 << 16;
 /// Most values (t·s·c) of one view: 1 GiB as f32.
+/// Source: chosen.
 pub const MAX_VIEW_VALUES: usize = 1 << 28;
 
-/// What is known of a light field besides its pixels (`lightfield.json`).
+/// The description of a light field (`lightfield.json`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Meta {
     /// Format version, 1.
@@ -33,7 +36,7 @@ pub struct Meta {
     /// Rotation of that lattice, radians.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rotation: Option<f64>,
-    /// How far each view can be relied on, 0..=1, row by row: its share of the light of the best lit one, where known.
+    /// Weight of each view, 0..=1, row by row: its light relative to that of the brightest view, where known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub weights: Option<Vec<f32>>,
     /// How the views were made, where known.
@@ -45,7 +48,7 @@ pub struct Meta {
 }
 
 impl Meta {
-    /// A light field of `views` (rows, columns) of `size` (height, width), with nothing said about where it came from.
+    /// A light field of `views` (rows, columns) of `size` (height, width), without optional facts.
     ///
     /// ```
     /// use lenslet_core::lightfield::{ColourSpace, Meta};

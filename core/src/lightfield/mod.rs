@@ -1,7 +1,7 @@
 //! The light field on disk and in memory: our directory, .npy, and the formats of other tools.
 //!
-//! [`LightField::open`] and [`LightField::save`] move whole ones. Views can also travel one at a time: [`create`] gives a
-//! [`ViewSink`], [`open`] a [`ViewSource`]; [`load`] reads a whole one, with options and a limit on its size.
+//! [`LightField::open`] and [`LightField::save`] read and write whole ones; [`load`] takes options and a limit on the
+//! size. [`create`] gives a [`ViewSink`] and [`open`] a [`ViewSource`], which take and give one view at a time.
 
 mod block;
 pub mod colour;

@@ -35,7 +35,7 @@ impl Writer {
     pub(super) fn create(path: &Path, meta: Meta, force: bool) -> Result<Self, Error> {
         let pending = Pending::file(path, force)?;
         let (t, s, c) = meta.view_shape();
-        let head = header(&[meta.views[0], meta.views[1], t, s, c]);
+        let head = header_bytes(&[meta.views[0], meta.views[1], t, s, c]);
         let mut file = File::create(pending.path()).map_err(io_at(path))?;
         file.write_all(&head).map_err(io_at(path))?;
         let data = (meta.views[0] * meta.views[1]) as u64 * (t * s * c) as u64 * 4;
@@ -46,7 +46,7 @@ impl Writer {
 }
 
 /// A version 1.0 header for a C-ordered little-endian f32 array, padded so that the data starts at a multiple of 64.
-fn header(shape: &[usize]) -> Vec<u8> {
+fn header_bytes(shape: &[usize]) -> Vec<u8> {
     let shape: Vec<String> = shape.iter().map(usize::to_string).collect();
     let text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}), }}", shape.join(", "));
     let whole = (10 + text.len() + 1).next_multiple_of(64);
@@ -99,7 +99,7 @@ impl ViewSink for Writer {
 
 impl Drop for Writer {
     fn drop(&mut self) {
-        // Only an abandoned writer still has jobs; its failures no longer matter.
+        // Only an abandoned writer still has jobs; their errors do not matter.
         let _ = self.queue.wait();
     }
 }
@@ -122,13 +122,14 @@ impl Reader {
         let length = file.metadata().map_err(io_at(path))?.len();
         let (text, start) = read_header(&mut file, path)?;
         let header = parse_header(&text).map_err(|reason| malformed(path, format!("not a .npy header: {reason}")))?;
-        let number = number(&header.descr).ok_or_else(|| {
+        let number = sample_format(&header.descr).ok_or_else(|| {
             unsupported(path, format!("numbers of type {}; save the array as float32 or uint16", header.descr))
         })?;
         let Some(scale) = number.kind.full_scale() else {
             return Err(unsupported(path, format!("numbers of type {}", header.descr)));
         };
-        let (views, size, stored) = meaning(&header.shape, options).map_err(|reason| unsupported(path, reason))?;
+        let (views, size, stored) =
+            interpret_shape(&header.shape, options).map_err(|reason| unsupported(path, reason))?;
         let colour = options.colour.unwrap_or(ColourSpace::Srgb);
         let meta = Meta::new(views, size, if stored == 4 { 3 } else { stored }, colour);
         meta.check().map_err(|e| unsupported(path, e.to_string()))?;
@@ -240,7 +241,7 @@ fn parse_header(text: &str) -> Result<Header, String> {
     Ok(Header { descr: descr.to_string(), fortran, shape, running })
 }
 
-fn number(descr: &str) -> Option<SampleFormat> {
+fn sample_format(descr: &str) -> Option<SampleFormat> {
     let (order, kind) = descr.split_at_checked(1)?;
     let big_endian = match order {
         "<" | "|" | "=" => false,
@@ -258,7 +259,7 @@ fn number(descr: &str) -> Option<SampleFormat> {
 }
 
 /// Views, size and stored channels of an array of this shape.
-fn meaning(shape: &[usize], options: &ReadOptions) -> Result<([usize; 2], [usize; 2], usize), String> {
+fn interpret_shape(shape: &[usize], options: &ReadOptions) -> Result<([usize; 2], [usize; 2], usize), String> {
     match *shape {
         [v, u, t, s, c @ (1 | 3 | 4)] => Ok(([v, u], [t, s], c)),
         [n, t, s, c @ (3 | 4)] => {

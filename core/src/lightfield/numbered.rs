@@ -1,8 +1,8 @@
 //! Folders of numbered pictures, one a view, as other tools leave them: `view_3_5.png`, `input_Cam042.png`,
 //! `IMG_0001_017_02_04.png` and the like.
 //!
-//! Of the numbers in the names, those that are the same everywhere do not count. The last two that together name
-//! every place of a full grid exactly once are row and column, from whatever they start; a single number runs row by row.
+//! Of the numbers in the names, those that are the same everywhere do not count. The last two that together name every
+//! place of a full grid exactly once are row and column, whatever their first value; a single number runs row by row.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -17,8 +17,9 @@ use super::meta::Meta;
 use super::view_io::ViewSource;
 
 /// Most files looked at in a folder.
+/// Source: chosen.
 const MAX_FILES: usize = 1 << 17;
-/// What a picture may be called.
+/// Endings of pictures.
 const EXTENSIONS: [&str; 8] = ["png", "jpg", "jpeg", "tif", "tiff", "ppm", "pgm", "pnm"];
 
 /// Reads a folder of numbered pictures.
@@ -34,14 +35,14 @@ impl Reader {
         let mut names = Vec::new();
         for entry in std::fs::read_dir(folder).map_err(io_at(folder))?.take(MAX_FILES) {
             let entry = entry.map_err(io_at(folder))?;
-            // Names that are not text cannot be numbered by us; other files do not matter.
+            // Names that are not text have no numbers; other files do not matter.
             if let Some(name) = entry.file_name().to_str()
-                && picture(name)
+                && is_picture_name(name)
             {
                 names.push(name.to_string());
             }
         }
-        let (views, names) = arrange(names, options.views).map_err(|reason| malformed(folder, reason))?;
+        let (views, names) = arrange_names(names, options.views).map_err(|reason| malformed(folder, reason))?;
         let Some(first) = names.first() else { return Err(malformed(folder, "no pictures")) };
         let image_file::Shape { width, height, channels } = image_file::read_shape(&folder.join(first))?;
         let meta = Meta::new(views, [height, width], channels, options.colour.unwrap_or(ColourSpace::Srgb));
@@ -61,13 +62,13 @@ impl ViewSource for Reader {
     }
 }
 
-fn picture(name: &str) -> bool {
+fn is_picture_name(name: &str) -> bool {
     let Some((stem, extension)) = name.rsplit_once('.') else { return false };
     !stem.is_empty() && !stem.starts_with('.') && EXTENSIONS.iter().any(|e| extension.eq_ignore_ascii_case(e))
 }
 
 /// A name's numbers, and the name with each of them replaced by `#`. None if a number is too long to be one.
-fn numbers(name: &str) -> Option<(String, Vec<u64>)> {
+fn split_numbers(name: &str) -> Option<(String, Vec<u64>)> {
     let mut pattern = String::new();
     let mut numbers = Vec::new();
     let mut rest = name;
@@ -83,10 +84,10 @@ fn numbers(name: &str) -> Option<(String, Vec<u64>)> {
 }
 
 /// Finds which picture is which view: the arrangement (rows, columns) and the names in row-major order.
-fn arrange(names: Vec<String>, wanted: Option<[usize; 2]>) -> Result<([usize; 2], Vec<String>), String> {
+fn arrange_names(names: Vec<String>, wanted: Option<[usize; 2]>) -> Result<([usize; 2], Vec<String>), String> {
     let mut groups: BTreeMap<String, Vec<(Vec<u64>, String)>> = BTreeMap::new();
     for name in names {
-        if let Some((pattern, numbers)) = numbers(&name) {
+        if let Some((pattern, numbers)) = split_numbers(&name) {
             groups.entry(pattern).or_default().push((numbers, name));
         }
     }
@@ -135,13 +136,13 @@ fn arrange(names: Vec<String>, wanted: Option<[usize; 2]>) -> Result<([usize; 2]
                 "{n} pictures {pattern} are no square: give --views ROWSxCOLUMNS, or add what is missing"
             ));
         }
-        _ => return Err(missing(&pattern, &distinct, &varying, &group)),
+        _ => return Err(describe_gap(&pattern, &distinct, &varying, &group)),
     };
     Ok((views, group.into_iter().map(|(_, name)| name).collect()))
 }
 
 /// Why several numbers in the names give no full grid; the last two are taken for row and column.
-fn missing(pattern: &str, distinct: &[BTreeSet<u64>], varying: &[usize], group: &[(Vec<u64>, String)]) -> String {
+fn describe_gap(pattern: &str, distinct: &[BTreeSet<u64>], varying: &[usize], group: &[(Vec<u64>, String)]) -> String {
     let [.., i, j] = *varying else { return format!("the names {pattern} do not say row and column") };
     let there: BTreeSet<(u64, u64)> = group.iter().map(|(n, _)| (n[i], n[j])).collect();
     // Stops at the first gap, so at most one step more than there are files.
@@ -168,13 +169,13 @@ mod tests {
     #[test]
     fn one_running_number() {
         let names: Vec<String> = (0..81).map(|i| format!("input_Cam{i:03}.png")).collect();
-        let (views, order) = arrange(named(names.clone()), None).unwrap();
+        let (views, order) = arrange_names(named(names.clone()), None).unwrap();
         assert_eq!((views, order), ([9, 9], names));
         let names = (5..11).map(|i| format!("{i}.PNG"));
-        assert_eq!(arrange(named(names.clone()), Some([2, 3])).unwrap().0, [2, 3]);
-        assert!(arrange(named(names), None).unwrap_err().contains("no square"));
+        assert_eq!(arrange_names(named(names.clone()), Some([2, 3])).unwrap().0, [2, 3]);
+        assert!(arrange_names(named(names), None).unwrap_err().contains("no square"));
         // By number, not by letters.
-        assert_eq!(arrange(named((8..12).map(|i| format!("{i}.png"))), None).unwrap().1[3], "11.png");
+        assert_eq!(arrange_names(named((8..12).map(|i| format!("{i}.png"))), None).unwrap().1[3], "11.png");
     }
 
     #[test]
@@ -182,7 +183,7 @@ mod tests {
         for start in [0, 1, 4] {
             let names: Vec<String> =
                 (0..3).flat_map(|r| (0..12).map(move |c| format!("view_{}_{}.png", r + start, c + start))).collect();
-            assert_eq!(arrange(named(names.clone()), None).unwrap(), ([3, 12], names));
+            assert_eq!(arrange_names(named(names.clone()), None).unwrap(), ([3, 12], names));
         }
     }
 
@@ -197,25 +198,25 @@ mod tests {
             expected[row * 4 + column] = name.clone();
             names.push(name);
         }
-        assert_eq!(arrange(named(names), None).unwrap(), ([4, 4], expected));
+        assert_eq!(arrange_names(named(names), None).unwrap(), ([4, 4], expected));
     }
 
     #[test]
     fn other_pictures_beside_the_views_do_not_matter() {
         let mut names: Vec<String> = (0..4).map(|i| format!("view{i}.png")).collect();
         names.extend(["disparity.png".to_string(), "center_7.png".into()]);
-        assert_eq!(arrange(names, None).unwrap().0, [2, 2]);
+        assert_eq!(arrange_names(names, None).unwrap().0, [2, 2]);
         let two = ["a_1.png", "a_2.png", "b_1.png", "b_2.png"].map(String::from).to_vec();
-        assert!(arrange(two, None).unwrap_err().contains("as many"));
+        assert!(arrange_names(two, None).unwrap_err().contains("as many"));
     }
 
     #[test]
     fn a_gap_is_named() {
         let mut names: Vec<String> = (0..3).flat_map(|r| (0..3).map(move |c| format!("v{r}_{c}.png"))).collect();
         names.remove(5);
-        assert!(arrange(names, None).unwrap_err().contains("row 1, column 2 is missing"));
-        assert!(arrange(vec![], None).is_err());
-        assert!(arrange(vec![format!("{}.png", "9".repeat(30))], None).is_err());
-        assert_eq!(arrange(vec!["only.png".into()], None).unwrap().0, [1, 1]);
+        assert!(arrange_names(names, None).unwrap_err().contains("row 1, column 2 is missing"));
+        assert!(arrange_names(vec![], None).is_err());
+        assert!(arrange_names(vec![format!("{}.png", "9".repeat(30))], None).is_err());
+        assert_eq!(arrange_names(vec!["only.png".into()], None).unwrap().0, [1, 1]);
     }
 }

@@ -12,7 +12,6 @@ use super::view_io::{ViewSink, ViewSource};
 use super::{directory, eslf, mat, npy, numbered, single};
 
 /// Bytes that [`load`] takes at most when its options say nothing.
-///
 /// Source: chosen.
 const MAX_BYTES: u64 = 8 << 30;
 
@@ -20,6 +19,24 @@ const MAX_BYTES: u64 = 8 << 30;
 ///
 /// # Errors
 /// When `path` exists (without `force`) or cannot be written, or `meta` is out of range.
+///
+/// ```
+/// use lenslet_core::lightfield::{ColourSpace, Format, Meta, ReadOptions, create, open};
+/// use ndarray::Array3;
+///
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("views.npy");
+/// let mut sink = create(&path, Meta::new([1, 2], [4, 5], 3, ColourSpace::Srgb), Format::Npy, false)?;
+/// for u in [1, 0] {
+///     sink.write(0, u, &Array3::from_elem((4, 5, 3), u as f32))?; // in any order
+/// }
+/// assert!(!path.exists());
+/// sink.finish()?;
+///
+/// let source = open(&path, &ReadOptions::default())?;
+/// assert_eq!((source.meta().views, source.read(0, 1)?[[3, 4, 2]]), ([1, 2], 1.0));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn create(path: &Path, meta: Meta, format: Format, force: bool) -> Result<Box<dyn ViewSink>, Error> {
     meta.check()?;
     Ok(match format {
@@ -117,8 +134,8 @@ impl LightField {
         load(path.as_ref(), &ReadOptions::default())
     }
 
-    /// Writes the light field in the format that the ending asks for ([`Format::of_name`]): .npy, .mat, .png (ESLF), else
-    /// our directory.
+    /// Writes the light field in the format that the ending asks for ([`Format::of_name`]): .npy, .mat, .png (ESLF),
+    /// else our directory.
     ///
     /// # Errors
     /// When `path` exists or cannot be written, or `meta` is out of range or does not fit the data.

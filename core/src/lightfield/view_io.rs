@@ -7,7 +7,7 @@ use ndarray::Array3;
 use super::error::{Error, malformed};
 use super::meta::Meta;
 
-/// Somewhere views can be written, one at a time, in any order; complete only after `finish`.
+/// A light field being written, one view at a time, in any order; complete only after `finish`.
 pub trait ViewSink: Send {
     /// Writes view (row `v`, column `u`, counted from 0), shape (t, s, c), values nominally 0..1.
     ///
@@ -25,9 +25,9 @@ pub trait ViewSink: Send {
     fn finish(self: Box<Self>) -> Result<(), Error>;
 }
 
-/// Somewhere views can be read from, one at a time.
+/// A light field being read, one view at a time.
 pub trait ViewSource: Send + Sync {
-    /// What is known besides the pixels.
+    /// Its description.
     fn meta(&self) -> &Meta;
     /// Reads view (row `v`, column `u`), shape (t, s, c), values 0..1.
     ///

@@ -1,7 +1,7 @@
-//! Work handed to the rayon pool with a bound on how much of it waits, so that encoding and writing overlap decoding.
+//! A bounded queue of jobs on the rayon pool, so that encoding and writing overlap decoding.
 //!
-//! Never waits while the caller could do the work itself: a full queue makes [`WriteQueue::submit`] run the job at once,
-//! and [`WriteQueue::wait`] works on the pool's jobs when it stands on a pool thread, so one thread is enough for everything.
+//! Nothing blocks while the caller could do the work: with a full queue [`WriteQueue::submit`] runs the job at once, and
+//! [`WriteQueue::wait`] works on the pool's jobs when it is called on a pool thread, so one thread suffices.
 
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::Duration;
@@ -26,7 +26,7 @@ impl WriteQueue {
         WriteQueue { shared: Arc::default(), bound: 2 * rayon::current_num_threads() }
     }
 
-    /// Runs the job now or later; tells of an earlier job's failure.
+    /// Runs the job now or later. The error is that of an earlier job.
     pub(super) fn submit(&self, job: impl FnOnce() -> Result<(), Error> + Send + 'static) -> Result<(), Error> {
         {
             let mut state = self.shared.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -51,7 +51,7 @@ impl WriteQueue {
         Ok(())
     }
 
-    /// Waits for every job; tells of the first failure.
+    /// Waits for every job. The error is the first one.
     pub(super) fn wait(&self) -> Result<(), Error> {
         let (state, changed) = &*self.shared;
         loop {
@@ -64,7 +64,7 @@ impl WriteQueue {
             if rayon::yield_now() != Some(rayon::Yield::Executed) {
                 let state = state.lock().unwrap_or_else(PoisonError::into_inner);
                 if state.waiting > 0 {
-                    // A job may be spawned onto this very thread meanwhile, so sleep is short.
+                    // A job may be spawned onto this thread meanwhile, so the sleep is short.
                     drop(changed.wait_timeout(state, Duration::from_millis(2)));
                 }
             }

@@ -1,5 +1,5 @@
-//! Registration of one picture onto another, so that results of tools with another geometry and exposure can be compared: an
-//! affine map by Gauss-Newton on `Σ (g·R(A x) + o − T(x))²`, coarse to fine, then gain and offset of every channel.
+//! Registration of one picture onto another, for results of tools with another geometry and exposure: an affine map A
+//! by Gauss-Newton on `Σ (g·R(A x) + o − T(x))²` over luminance, coarse to fine, then gain and offset of every channel.
 
 use ndarray::{Array2, Array3, ArrayView3};
 use rayon::prelude::*;
@@ -9,13 +9,15 @@ use super::luminance::luminance;
 use crate::sampling::bicubic;
 
 /// Smallest side of the coarsest level, pixels.
+/// Source: chosen.
 const COARSEST: usize = 48;
-/// Steps a level at most.
+/// Gauss-Newton steps a level at most.
+/// Source: chosen; a handful is usual.
 const STEPS: usize = 30;
 /// Rows a job; fixed, so that sums do not depend on the number of threads.
 const BAND: usize = 16;
 
-/// Where a picture lies on another, and how its values relate.
+/// The map of a picture onto another, and the relation of their values.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Alignment {
     /// Reference pixel (s, t) ↔ result pixel (a0 s + a1 t + a2, a3 s + a4 t + a5).
@@ -29,6 +31,20 @@ impl Alignment {
     ///
     /// # Errors
     /// When the channels differ, a side is shorter than 16 pixels, or a value is not finite.
+    ///
+    /// ```
+    /// use lenslet_core::metrics::Alignment;
+    /// use ndarray::Array3;
+    ///
+    /// let scene = |x: f32, y: f32| 0.5 + 0.2 * (0.31 * x).sin() + 0.2 * (0.23 * y + 0.1 * x).cos();
+    /// let truth = Array3::from_shape_fn((60, 60, 1), |(t, s, _)| scene(s as f32, t as f32));
+    /// let shifted = Array3::from_shape_fn((60, 60, 1), |(t, s, _)| 0.5 * scene(s as f32 + 1.5, t as f32 - 0.5));
+    /// let found = Alignment::estimate(shifted.view(), truth.view())?;
+    /// assert!((found.affine[2] + 1.5).abs() < 0.05 && (found.affine[5] - 0.5).abs() < 0.05);
+    /// assert!((found.gain[0][0] - 2.0).abs() < 0.05);
+    /// assert_eq!(found.apply(shifted.view(), (60, 60)).dim(), (60, 60, 1));
+    /// # Ok::<(), lenslet_core::metrics::Error>(())
+    /// ```
     pub fn estimate(result: ArrayView3<f32>, reference: ArrayView3<f32>) -> Result<Alignment, Error> {
         for picture in [&result, &reference] {
             let (height, width, _) = picture.dim();

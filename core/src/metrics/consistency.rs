@@ -1,4 +1,4 @@
-//! Whether views agree with each other: a view moved onto the central one by the true disparity should be the central one.
+//! Agreement of views: a view warped by the true disparity should equal the central view.
 
 use ndarray::{Array3, ArrayView2, ArrayView3};
 
@@ -6,11 +6,24 @@ use super::error::Error;
 use super::psnr::psnr;
 use crate::sampling::bicubic;
 
-/// PSNR of `other`, moved onto `centre` by `disparity` (t, s; pixels a view step), against `centre`; `steps` (u, v): how many
-/// views right and down `other` lies. `border` pixels are left out. Scenes with no occlusion within the picture only.
+/// PSNR in dB of `other`, warped by `disparity`, against `centre` (both (t, s, c)), `border` pixels left out on each side.
+/// `disparity` (t, s) is in pixels a view step, `steps` (u, v) the number of views that `other` is to the right of and below
+/// `centre`. Only for scenes without occlusions.
 ///
 /// # Errors
 /// As [`psnr`]; also when the border leaves nothing.
+///
+/// ```
+/// use lenslet_core::metrics::view_consistency;
+/// use ndarray::{Array2, Array3};
+///
+/// let view = |shift: f32| Array3::from_shape_fn((30, 40, 1), |(_, s, _)| 0.5 + 0.3 * (0.3 * (s as f32 - shift)).sin());
+/// let disparity = Array2::from_elem((30, 40), 0.5);
+/// let right = view_consistency(view(0.0).view(), view(1.0).view(), disparity.view(), (2.0, 0.0), 4)?;
+/// let wrong = view_consistency(view(0.0).view(), view(1.0).view(), disparity.view(), (0.0, 0.0), 4)?;
+/// assert!(right > 50.0 && wrong < 30.0);
+/// # Ok::<(), lenslet_core::metrics::Error>(())
+/// ```
 pub fn view_consistency(
     centre: ArrayView3<f32>,
     other: ArrayView3<f32>,

@@ -1,9 +1,9 @@
-//! How much of a known pattern a result shows, and what it shows instead: the result over its window is split into a multiple
-//! of the truth and a rest. The multiple is the contrast that is left, the rest (aliasing, zigzag, noise) is spurious.
+//! Contrast of a known pattern, and what is spurious beside it. With means removed, the result r over a window is split
+//! along the truth t into `r = c·t + e`, `c = ⟨r, t⟩/⟨t, t⟩`: c is the contrast, e (aliasing, zigzag, noise) is spurious.
 
 use ndarray::{ArrayView2, Zip};
 
-/// A window compared with its truth.
+/// What [`pattern_contrast`] measures.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pattern {
     /// Contrast of the result as a share of the truth's: 1 is perfect, 0 is grey, negative is inverted.
@@ -12,8 +12,18 @@ pub struct Pattern {
     pub spurious: f64,
 }
 
-/// Splits `result` along `reference`, both (t, s), means removed. None for a reference without contrast, shapes that differ, or
-/// values that are not finite.
+/// Splits `result` along `reference`, both (t, s). None for a reference without contrast, shapes that differ, or values
+/// that are not finite.
+///
+/// ```
+/// use lenslet_core::metrics::pattern_contrast;
+/// use ndarray::Array2;
+///
+/// let stripes = Array2::from_shape_fn((8, 16), |(_, s)| if s % 4 < 2 { 0.2 } else { 0.8 });
+/// let flatter = stripes.mapv(|x| 0.5 * x + 0.1);
+/// let measured = pattern_contrast(flatter.view(), stripes.view()).unwrap();
+/// assert!((measured.contrast - 0.5).abs() < 1e-6 && measured.spurious < 1e-3);
+/// ```
 pub fn pattern_contrast(result: ArrayView2<f32>, reference: ArrayView2<f32>) -> Option<Pattern> {
     if result.dim() != reference.dim() || result.is_empty() {
         return None;

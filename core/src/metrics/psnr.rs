@@ -4,8 +4,8 @@ use ndarray::{ArrayView, ArrayViewD, Axis, Dimension};
 
 use super::error::Error;
 
-/// Mean squared difference of two arrays of the same shape, summed in f64: each row (last axis) by itself, then the rows
-/// in index order.
+/// Mean squared difference of two arrays of the same shape, summed in f64: along each row (last axis), then over the
+/// rows in index order.
 ///
 /// # Errors
 /// When the shapes differ or are empty, or a value is not finite.
@@ -34,7 +34,7 @@ pub fn mean_squared_error<D: Dimension>(result: ArrayView<f32, D>, reference: Ar
 }
 
 /// Peak signal-to-noise ratio in dB of pictures with values 0..1: `−10 log10` of their [`mean_squared_error`]; infinite
-/// for equal pictures.
+/// for equal ones.
 ///
 /// # Errors
 /// As [`mean_squared_error`].

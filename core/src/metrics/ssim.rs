@@ -9,7 +9,11 @@ use rayon::prelude::*;
 
 use super::error::Error;
 
+/// Stabilises the luminance term, for values 0..1.
+/// Source: the paper, (K₁L)² with K₁ = 0.01.
 const C1: f64 = 0.01 * 0.01;
+/// Stabilises the contrast term, for values 0..1.
+/// Source: the paper, (K₂L)² with K₂ = 0.03.
 const C2: f64 = 0.03 * 0.03;
 /// Rows a job; fixed, so that sums do not depend on the number of threads.
 const BAND: usize = 32;
@@ -65,6 +69,17 @@ fn similarity([x, y, xx, yy, xy]: [f64; 5], norm: f64) -> f64 {
 ///
 /// # Errors
 /// When the shapes differ, a side is shorter than the window (11 or 7), or a value is not finite.
+///
+/// ```
+/// use lenslet_core::metrics::{SsimWindow, ssim};
+/// use ndarray::Array2;
+///
+/// let truth = Array2::from_shape_fn((24, 24), |(t, s)| ((3 * t + s) % 8) as f32 / 8.0);
+/// assert!((ssim(truth.view(), truth.view(), SsimWindow::Gaussian)? - 1.0).abs() < 1e-9);
+/// let flat = Array2::from_elem((24, 24), truth.mean().unwrap());
+/// assert!(ssim(flat.view(), truth.view(), SsimWindow::Gaussian)? < 0.1);
+/// # Ok::<(), lenslet_core::metrics::Error>(())
+/// ```
 pub fn ssim(result: ArrayView2<f32>, reference: ArrayView2<f32>, window: SsimWindow) -> Result<f64, Error> {
     let (weights, norm) = window.weights();
     let side = weights.len();
@@ -142,7 +157,7 @@ fn band_sum(
     sum
 }
 
-/// The SSIM of every window, each summed over its pixels one by one: slow and obvious, for tests and for maps.
+/// The SSIM of every window, each summed over its pixels one by one: the plain twin, for tests and for maps.
 ///
 /// # Errors
 /// As [`ssim`].

@@ -17,7 +17,6 @@ use crate::pfm;
 use crate::progress::Observer;
 
 /// Bytes copied at once.
-///
 /// Source: chosen.
 const STEP: u64 = 8 << 20;
 
@@ -30,18 +29,34 @@ pub struct Extracted {
     pub bytes: u64,
     /// What it is: the reference to it, or its name in the bundle.
     pub what: String,
-    /// What is known besides (focus, size, range …).
+    /// Other facts about it (focus, size, range …).
     pub facts: Value,
     /// Whether its sha1 is the one the container names; `None` when nothing names one.
     pub intact: Option<bool>,
 }
 
 /// Writes every segment of a container, or every file of a bundle or .tar archive, into the new folder `out`, with
-/// `index.json` saying what each file is. Lytro's depth maps come as .pfm and 16-bit .png besides. Returns what was
+/// `index.json` saying what each file is. Lytro's depth maps are also written as .pfm and 16-bit .png. Returns what was
 /// written, and warnings.
 ///
 /// # Errors
-/// When `source` cannot be read or is no container, or `out` exists (without `force`) or cannot be written.
+/// When `source` cannot be read or is no container, `out` exists (without `force`) or cannot be written; interruption.
+///
+/// ```
+/// use lenslet_core::container::extract::extract;
+/// use lenslet_core::container::{Capture, Cfa, Levels, RawMosaic, write_lfp};
+/// use lenslet_core::progress::Silent;
+///
+/// let folder = tempfile::tempdir()?;
+/// let (file, out) = (folder.path().join("flat.lfp"), folder.path().join("parts"));
+/// let mosaic = RawMosaic { width: 16, height: 16, data: vec![700; 256] };
+/// write_lfp(&file, &Capture::bare(mosaic, Cfa::Bggr, Levels { black: [168.0; 4], white: [4095.0; 4] }), false)?;
+///
+/// let (written, warnings) = extract(&file, &out, false, &Silent)?;
+/// assert!(warnings.is_empty() && written.iter().all(|f| f.intact != Some(false)));
+/// assert_eq!(std::fs::metadata(out.join("image.raw"))?.len(), 256 * 3 / 2); // 12 bit a pixel
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn extract(
     source: &Path,
     out: &Path,

@@ -1,4 +1,5 @@
-//! Everything a container, calibration bundle or archive holds, as files in a folder: under safe names, never outside it.
+//! Everything a container, calibration bundle or archive holds, as files in a folder: under safe names, never outside
+//! of it.
 
 mod files;
 mod names;

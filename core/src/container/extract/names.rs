@@ -11,7 +11,14 @@ pub(super) fn safe_part(part: &str) -> String {
     if clean.is_empty() { "_".into() } else { clean.into() }
 }
 
-/// A stored name (`C:\T1CALIB\MOD_0001.RAW`) as a path below a folder: drive letters, `.` and `..` are dropped.
+/// A stored name as a path below a folder: drive letters, `.` and `..` are dropped, unusual characters become `_`.
+///
+/// ```
+/// use lenslet_core::container::extract::safe_path;
+///
+/// assert_eq!(safe_path("C:\\T1CALIB\\MOD_0001.RAW"), "T1CALIB/MOD_0001.RAW");
+/// assert_eq!(safe_path("../../etc/passwd"), "etc/passwd");
+/// ```
 pub fn safe_path(name: &str) -> String {
     let drive = |p: &str| p.len() == 2 && p.ends_with(':');
     let parts: Vec<&str> =

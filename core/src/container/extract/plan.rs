@@ -7,8 +7,8 @@ use serde_json::Value;
 
 use super::names::{safe_part, safe_path};
 use crate::container::error::Error;
-use crate::container::members::{Member, members};
-use crate::container::references::{Reference, collect, is_part};
+use crate::container::members::{Member, list_members};
+use crate::container::references::{Reference, collect_references, is_part};
 use crate::container::segments::{Container, HEADER, MAGIC, SegmentKind};
 use crate::container::{file, json};
 
@@ -32,7 +32,7 @@ pub(super) fn plan_items(source: &Path) -> Result<(Vec<Item>, Vec<String>), Erro
             return plan_segments(&container, &contents);
         }
     }
-    let found = members(source)?;
+    let found = list_members(source)?;
     let item =
         |m: Member| Item { name: safe_path(&m.name), what: m.name.clone(), facts: Value::Null, depth: None, member: m };
     Ok((found.list.into_iter().map(item).collect(), found.warnings))
@@ -43,7 +43,7 @@ fn plan_segments(container: &Container, contents: &[Value]) -> Result<(Vec<Item>
     let mut warnings = container.warnings.clone();
     let mut used: HashMap<String, (&Value, Reference)> = HashMap::new();
     for c in contents {
-        for r in collect(c) {
+        for r in collect_references(c) {
             if is_part(&r) {
                 if container.find(&r.sha1).is_none() {
                     warnings.push(format!("{} ({}) is named by the file but is not in it", r.path, r.sha1));
@@ -75,7 +75,7 @@ fn plan_segments(container: &Container, contents: &[Value]) -> Result<(Vec<Item>
                 Item { member, name, what: r.path.clone(), facts, depth }
             }
             None => {
-                let name = format!("segment-{:02}.{}", items.len(), extension(&head, "bin"));
+                let name = format!("segment-{:02}.{}", items.len(), extension_by_content(&head, "bin"));
                 Item { member, name, what: "named by nothing in the file".into(), facts: Value::Null, depth: None }
             }
         };
@@ -107,7 +107,7 @@ fn segment_role(contents: &Value, path: &str, head: &[u8]) -> (String, Value, Op
     let index = || parent.rsplit('.').next().and_then(|n| n.parse::<usize>().ok()).unwrap_or(0);
     if key == "imageRef" && parent.contains("imageArray") {
         return (
-            format!("refocus-{:02}.{}", index(), extension(head, "bin")),
+            format!("refocus-{:02}.{}", index(), extension_by_content(head, "bin")),
             facts(&["lambda", "width", "height"]),
             None,
         );
@@ -120,7 +120,7 @@ fn segment_role(contents: &Value, path: &str, head: &[u8]) -> (String, Value, Op
         let frames = node.get("metadataArray").cloned().unwrap_or_default();
         let extension = json::text_at(node, "representation")
             .filter(|r| r == "h264")
-            .unwrap_or_else(|| extension(head, "bin").into());
+            .unwrap_or_else(|| extension_by_content(head, "bin").into());
         return (format!("{name}.{extension}"), serde_json::json!({ "frames": frames }), None);
     }
     let in_frame = parent.ends_with("frame");
@@ -131,14 +131,16 @@ fn segment_role(contents: &Value, path: &str, head: &[u8]) -> (String, Value, Op
         "privateMetadataRef" => "private.json".into(),
         "modulationDataRef" => "white.raw".into(),
         "modulationDataMetadataRef" => "white.json".into(),
-        "imageRef" if parent.contains("thumbnail") => format!("thumbnail-{:02}.{}", index(), extension(head, "bin")),
-        _ => format!("{}.{}", safe_part(key.strip_suffix("Ref").unwrap_or(key)), extension(head, "bin")),
+        "imageRef" if parent.contains("thumbnail") => {
+            format!("thumbnail-{:02}.{}", index(), extension_by_content(head, "bin"))
+        }
+        _ => format!("{}.{}", safe_part(key.strip_suffix("Ref").unwrap_or(key)), extension_by_content(head, "bin")),
     };
     (name, facts(&["width", "height", "representation"]), None)
 }
 
 /// File extension by content.
-fn extension(head: &[u8], otherwise: &'static str) -> &'static str {
+fn extension_by_content(head: &[u8], otherwise: &'static str) -> &'static str {
     if head.starts_with(&[0xff, 0xd8, 0xff]) {
         "jpg"
     } else if head.starts_with(b"\x89PNG") {

@@ -51,6 +51,24 @@ impl WhiteChoice {
 ///
 /// # Errors
 /// When the place cannot be read. That no image fits is an error of [`WhiteChoice::load`] only.
+///
+/// ```
+/// use lenslet_core::container::whites::find_white_image;
+/// use lenslet_core::container::{Capture, Cfa, Levels, RawMosaic, write_lfp};
+///
+/// let frame = |level| {
+///     let mosaic = RawMosaic { width: 32, height: 32, data: vec![level; 1024] };
+///     Capture::bare(mosaic, Cfa::Bggr, Levels { black: [168.0; 4], white: [4095.0; 4] })
+/// };
+/// let folder = tempfile::tempdir()?;
+/// write_lfp(&folder.path().join("white-00.lfp"), &frame(2000), false)?;
+/// write_lfp(&folder.path().join("white-01.lfp"), &frame(300), false)?;
+///
+/// let choice = find_white_image(folder.path(), &frame(700))?;
+/// assert_eq!(choice.load()?.mosaic.data[0], 2000);
+/// assert!(choice.passed[0].1.starts_with("too dark"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn find_white_image(place: &Path, capture: &Capture) -> Result<WhiteChoice, Error> {
     Ok(choose_white_image(place, list_calibration_images(place)?, capture))
 }

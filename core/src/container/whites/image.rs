@@ -13,29 +13,23 @@ use crate::digest::sha256_hex;
 /// Longest image read, bytes.
 const MAX_IMAGE: u64 = 512 << 20;
 /// Images with a mean under this share of the white level are too dark to find centres in.
-///
 /// Source: 500 of 4095, the limit the Light Field Toolbox uses for white images of the F01.
 const DARK: f64 = 500.0 / 4095.0;
 /// Images whose mean is this little above the black level (as a share of the range) are black images.
-///
 /// Source: chosen.
 const BLACK: f64 = 0.02;
 /// Largest share of saturated pixels in a white image.
-///
 /// Source: chosen.
 const SATURATED: f64 = 0.01;
 /// Share of the white level from which on a pixel is saturated.
-///
 /// Source: chosen.
 const SATURATION: f32 = 0.995;
 /// Stretches of an image that are read to classify it, spread evenly.
-///
 /// Source: chosen.
 const STRETCHES: u64 = 64;
 /// Bytes that are whole groups of every packing.
 const GROUP: u64 = 30;
 /// Length of a stretch, bytes.
-///
 /// Source: chosen; about 2,500 pixels of 12 bit.
 const STRETCH: u64 = GROUP * 128;
 
@@ -61,7 +55,7 @@ pub struct CalibrationImage {
     pub frame: FrameFacts,
     /// Every `sha1-…` that metadata, bundle or manifest give it; that of its own pixels is not computed.
     pub names: Vec<String>,
-    /// What it is good for.
+    /// What its exposure makes it.
     pub class: ExposureClass,
     /// Mean value in DN over a sample of its pixels (a thousandth to all of them).
     pub mean: f64,

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::image::{CalibrationImage, classify};
 use crate::container::error::Error;
-use crate::container::members::{Member, members};
+use crate::container::members::{Member, list_members};
 use crate::container::metadata::{self, FrameFacts};
 use crate::container::segments::{Container, HEADER, MAGIC};
 use crate::container::{json, lfp};
@@ -25,7 +25,7 @@ pub struct CalibrationImages {
 /// # Errors
 /// When the place cannot be read.
 pub fn list_calibration_images(place: &Path) -> Result<CalibrationImages, Error> {
-    let found = members(place)?;
+    let found = list_members(place)?;
     let mut out = CalibrationImages { images: Vec::new(), warnings: found.warnings };
     let key = |m: &Member| {
         let folder = m.name.rsplit_once(['\\', '/']).map_or("", |(f, _)| f).to_string();

@@ -95,7 +95,7 @@ fn segments(path: &Path) -> anyhow::Result<Value> {
     if contents.iter().any(|c| c.get("files").is_some_and(Value::is_array)) {
         return calibration_images("calibration bundle", path);
     }
-    let named: Vec<_> = contents.iter().flat_map(references::collect).collect();
+    let named: Vec<_> = contents.iter().flat_map(references::collect_references).collect();
     let by_sha1 = references::by_sha1(&named);
     let mut warnings = container.warnings.clone();
     let mut list = Vec::new();
@@ -237,7 +237,7 @@ fn light_field(path: &Path, args: &Args) -> anyhow::Result<Value> {
 
 fn calibration_images(kind: &str, path: &Path) -> anyhow::Result<Value> {
     let found = whites::list_calibration_images(path)?;
-    let files = container::members::members(path)?.list.len();
+    let files = container::members::list_members(path)?.list.len();
     let images: Vec<_> = found
         .images
         .iter()

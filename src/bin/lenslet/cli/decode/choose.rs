@@ -32,7 +32,7 @@ impl CalibrationStore {
             CalibrationStore { candidates: Vec::new(), whites: None, place: path.map(Path::to_path_buf), last: None };
         let Some(path) = path else { return Ok(store) };
         if !path.is_dir() {
-            if members::members(path).is_ok() {
+            if members::list_members(path).is_ok() {
                 store.whites = Some(path.to_path_buf());
                 return Ok(store);
             }
