@@ -6,15 +6,15 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use lenslet_core::calibration::{CalibrationOptions, CalibrationVariant, calibrate, calibrate_from_captures};
 use lenslet_core::container::{Capture, Cfa, Levels};
 use lenslet_core::progress::Silent;
-use lenslet_data_gen::simulate::{Camera, Lenslets, expose_white, record, white_pattern};
+use lenslet_data_gen::simulate::{Camera, LensletGrid, Lenslets, expose_white, record_mosaic, white_pattern};
 
 /// A white image of a sensor of this size, with lenslets of this pitch.
 fn white(sensor: (usize, usize), pitch: f64) -> Option<Capture> {
-    let camera = Camera { sensor, pitch, ..Camera::default() };
+    let camera = Camera { sensor, lenslets: LensletGrid { pitch, ..LensletGrid::default() }, ..Camera::default() };
     let lenslets = Lenslets::new(&camera, 1).ok()?;
     let light = expose_white(&camera, &white_pattern(&camera, &lenslets));
     let levels = Levels { black: [168.0; 4], white: [4095.0; 4] };
-    Some(Capture::bare(record(&light, &camera, 0.7, 1, 0), Cfa::Bggr, levels))
+    Some(Capture::bare(record_mosaic(&light, &camera, 0.7, 1, 0), Cfa::Bggr, levels))
 }
 
 /// As large as an Illum's.
@@ -30,7 +30,7 @@ fn large(c: &mut Criterion) {
 }
 
 fn calibration(c: &mut Criterion) {
-    let Some(white) = white((1640, 1640), Camera::default().pitch) else { return };
+    let Some(white) = white((1640, 1640), Camera::default().lenslets.pitch) else { return };
     let mut group = c.benchmark_group("calibrate 1640x1640");
     group.throughput(Throughput::Elements(1640 * 1640)).sample_size(10);
     for variant in [CalibrationVariant::Full, CalibrationVariant::Paper] {

@@ -11,9 +11,10 @@ use std::path::PathBuf;
 
 use clap::Parser as _;
 use lenslet_core::dictionary::{self, Dictionary, Footprint};
+use lenslet_core::lightfield::ColourSpace;
 use lenslet_core::metrics::{BORDER, Scores, Window};
 use lenslet_core::sampling::{self, Cubic, DEFAULT_PITCH, DEFAULT_ROTATION, Weights, bicubic, lattice_samples};
-use lenslet_data_gen::pairs::load_photo;
+use lenslet_data_gen::photo::load_luminance;
 use lenslet_views::reconstruct::{Mode, Options, Reconstructor, SamplingOperator, back_project, embedded};
 use ndarray::{Array2, ArrayView2, Axis, s};
 use rand::rngs::ChaCha8Rng;
@@ -149,7 +150,7 @@ fn main() -> anyhow::Result<()> {
     let mut order = Vec::new();
     let mut images = Vec::new();
     for (index, path) in arguments.images.iter().enumerate() {
-        let photo = load_photo(path, 2 * BORDER + 16)?;
+        let photo = load_luminance(path, 2 * BORDER + 16, ColourSpace::Srgb)?;
         let (h, w) = photo.luminance.dim();
         let truth = photo.luminance.slice(s![..h.min(SIDE), ..w.min(SIDE)]).to_owned();
         let mut entry = serde_json::Map::new();

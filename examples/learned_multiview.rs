@@ -18,7 +18,7 @@ use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{ColourSpace, View, colour};
 use lenslet_core::metrics::{BORDER, Scores, Window};
 use lenslet_core::progress::Silent;
-use lenslet_data_gen::simulate::{self, Camera, Kind, Scene};
+use lenslet_data_gen::simulate::{self, Camera, Scene, SceneName};
 use lenslet_views::reconstruct::{self, Mode, Options};
 use lenslet_views::{LearnedViews, RenderSamples as _, Target};
 use ndarray::Array3;
@@ -46,7 +46,7 @@ struct Arguments {
     sensor: usize,
     /// Scenes
     #[arg(default_values = ["natural", "chart", "occluders", "planes"])]
-    scenes: Vec<Kind>,
+    scenes: Vec<SceneName>,
 }
 
 fn parse_mode(name: &str) -> Result<Mode, String> {
@@ -60,15 +60,12 @@ fn scores(view: &View, truth: &Array3<f32>) -> anyhow::Result<[f64; 2]> {
     Ok([scores.psnr_rgb, scores.psnr_y])
 }
 
-fn scored(kind: Kind, a: &Arguments, dictionary: &Dictionary) -> anyhow::Result<Value> {
-    let mut camera = Camera::with_sensor(a.sensor);
+fn scored(kind: SceneName, a: &Arguments, dictionary: &Dictionary) -> anyhow::Result<Value> {
     // Another camera for every seed, as in `ablate`.
-    let turn = |k: u64| ((a.seed.wrapping_mul(k) % 1000) as f64) / 1000.0;
-    camera.offset = [10.0 * turn(617) - 5.0, 10.0 * turn(389) - 5.0];
-    camera.rotation = 0.008 * turn(751) - 0.004;
+    let camera = Camera::with_sensor(a.sensor).perturbed(a.seed);
     let scene = Scene::named(kind, &camera, None, a.seed, &Silent)?;
-    let options = simulate::Options { seed: a.seed, noise: a.noise, whites: 2 };
-    let simulation = simulate::render(&scene, &camera, &options, &Silent)?;
+    let options = simulate::SimulationOptions { seed: a.seed, noise: a.noise, whites: 2 };
+    let simulation = simulate::render_capture(&scene, &camera, &options, &Silent)?;
     let size = simulate::output_size(&camera, (a.sensor * 1080 + 1640) / 3280);
     let calibration = calibration::calibrate(&simulation.whites, &calibration::CalibrationOptions::default(), &Silent)?;
     let samples = decode::samples(&simulation.capture, &calibration, &decode::Options::default(), &Silent)?;
@@ -81,7 +78,7 @@ fn scored(kind: Kind, a: &Arguments, dictionary: &Dictionary) -> anyhow::Result<
     let mut gains: Vec<((usize, usize), [f64; 2])> = Vec::new();
     let mut centre = Value::Null;
     let mut each = |v: usize, u: usize, view: View| -> anyhow::Result<()> {
-        let mut truth = simulate::view(&scene, &camera, simulate::offset([v, u], VIEWS, 1.0), size);
+        let mut truth = simulate::true_view(&scene, &camera, simulate::view_offset([v, u], VIEWS, 1.0), size);
         colour::convert(&mut truth, ColourSpace::Linear, ColourSpace::Srgb);
         let sharp = learned.reconstruct_view(&view, v, u)?;
         let (before, after) = (scores(&view, &truth)?, scores(&sharp, &truth)?);

@@ -10,10 +10,11 @@ use std::path::PathBuf;
 use anyhow::anyhow;
 use clap::Parser as _;
 use lenslet_core::dictionary::{self, Footprint, PatchPredictor, PlaneReconstructor, ReconstructionOptions};
+use lenslet_core::lightfield::ColourSpace;
 use lenslet_core::linalg;
 use lenslet_core::metrics::{BORDER, Scores, Window};
 use lenslet_core::sampling::{self, DEFAULT_PITCH, DEFAULT_ROTATION, Weights, lattice_samples};
-use lenslet_data_gen::pairs::load_photo;
+use lenslet_data_gen::photo::load_luminance;
 use lenslet_views::reconstruct::embedded;
 use ndarray::{Array2, Axis, s};
 use serde_json::{Value, json};
@@ -85,7 +86,7 @@ fn main() -> anyhow::Result<()> {
     let mut planes = Vec::new();
     let mut megapixels = 0.0;
     for path in &images {
-        let photo = load_photo(path, 2 * BORDER + 16)?;
+        let photo = load_luminance(path, 2 * BORDER + 16, ColourSpace::Srgb)?;
         let (h, w) = photo.luminance.dim();
         let truth = photo.luminance.slice(s![..h.min(SIDE), ..w.min(SIDE)]).to_owned();
         let (h, w) = truth.dim();

@@ -14,7 +14,7 @@ use clap::Parser as _;
 use image::DynamicImage;
 use lenslet_core::dictionary::{self, Footprint};
 use lenslet_core::sampling::bicubic;
-use lenslet_data_gen::pairs::{Kernel, reduce};
+use lenslet_data_gen::photo::{ReductionKernel, reduce_plane};
 use lenslet_views::reconstruct::{Mode, Options, Reconstructor};
 use ndarray::{Array2, Axis, s};
 use serde_json::{Value, json};
@@ -88,7 +88,7 @@ fn main() -> anyhow::Result<()> {
         let (h, w) = (whole.nrows() / scale * scale, whole.ncols() / scale * scale);
         ensure!(h.min(w) > 8 * scale, "{}: {w}x{h} pixels are too few", path.display());
         let truth = whole.slice(s![..h, ..w]).to_owned();
-        let small = reduce(truth.mapv(|v| v / 255.0).view(), h / scale, w / scale, Kernel::Bicubic)?;
+        let small = reduce_plane(truth.mapv(|v| v / 255.0).view(), h / scale, w / scale, ReductionKernel::Bicubic)?;
         let low = bicubic::resize(small.insert_axis(Axis(2)).view(), w, h)?.index_axis_move(Axis(2), 0);
         let mut entry = serde_json::Map::new();
         entry.insert("file".into(), path.display().to_string().into());

@@ -14,7 +14,9 @@ use std::process::Command;
 use anyhow::{Context, anyhow, bail};
 use clap::Parser as _;
 use lenslet_core::sparse::{self, Options, Penalty, Solver};
-use lenslet_train::{ksvd, online};
+use lenslet_train::KsvdUpdate;
+use lenslet_train::ksvd::ksvd_epoch;
+use lenslet_train::online::{OnlineState, online_epoch};
 use ndarray::{Array1, Array2, Axis};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
@@ -100,14 +102,21 @@ fn main() -> anyhow::Result<()> {
     let mut ratios: Vec<f64> = Vec::new();
     for round in 1..=a.rounds {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let mut state = online::State::new(race.first.clone());
+        let mut state = OnlineState::new(race.first.clone());
         let mut cpu = 0.0;
         for epoch in 1..=a.epochs {
             let began = cpu_seconds();
             let signals = race.train.view();
             let summary = pool.install(|| match a.algorithm.as_str() {
-                "ksvd" => ksvd::epoch(&mut state.atoms, signals, a.nonzeros, &mut rng, &mut |_| Ok(())),
-                _ => online::epoch(&mut state, signals, LAMBDA, a.batch, &mut rng, &mut |_| Ok(())),
+                "ksvd" => ksvd_epoch(
+                    &mut state.atoms,
+                    signals,
+                    a.nonzeros,
+                    KsvdUpdate::Approximate,
+                    &mut rng,
+                    &mut |_| Ok(()),
+                ),
+                _ => online_epoch(&mut state, signals, LAMBDA, a.batch, &mut rng, &mut |_| Ok(())),
             })?;
             cpu += cpu_seconds() - began;
             let (objective, rmse) = score(&state.atoms, &race.test, a.nonzeros)?;

@@ -12,7 +12,7 @@ use assert_cmd::Command;
 use fixtures::{f01_capture, shared};
 use lenslet_core::calibration;
 use lenslet_core::container::{Capture, write_lfp};
-use lenslet_data_gen::simulate::{Camera, Lenslets, expose_white, record, white_pattern};
+use lenslet_data_gen::simulate::{Camera, LensletGrid, Lenslets, expose_white, record_mosaic, white_pattern};
 use serde_json::Value;
 
 fn lenslet(args: &[&str]) -> Output {
@@ -40,7 +40,8 @@ fn json(args: &[&str]) -> Value {
 }
 
 fn camera() -> Camera {
-    Camera { sensor: (400, 400), pitch: 10.2, rotation: -0.02, jitter: 0.05, ..Camera::default() }
+    let lenslets = LensletGrid { pitch: 10.2, rotation: -0.02, jitter: 0.05, ..LensletGrid::default() };
+    Camera { sensor: (400, 400), lenslets, ..Camera::default() }
 }
 
 /// White images of one simulated camera, with zoom and focus as given, and the true centres.
@@ -49,10 +50,10 @@ fn whites(count: u32, serial: &str, zoom: i64) -> (Vec<Capture>, Vec<[f64; 2]>) 
     let lenslets = Lenslets::new(&camera, 3).unwrap();
     let light = expose_white(&camera, &white_pattern(&camera, &lenslets));
     let one = |k| {
-        let mosaic = record(&light, &camera, 0.7, 3, k);
+        let mosaic = record_mosaic(&light, &camera, 0.7, 3, k);
         f01_capture(mosaic.width, mosaic.height, mosaic.data, Some(serial), Some(zoom), Some(7))
     };
-    ((1..=count).map(one).collect(), lenslets.on_sensor())
+    ((1..=count).map(one).collect(), lenslets.centres_on_sensor())
 }
 
 fn written(dir: &Path, name: &str, capture: &Capture) -> PathBuf {

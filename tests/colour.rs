@@ -13,18 +13,18 @@ use lenslet_core::decode::{self, HexSamples, Step};
 use lenslet_core::lightfield::{self, ReadOptions};
 use lenslet_core::metrics;
 use lenslet_core::progress::Silent;
-use lenslet_data_gen::simulate::{self, Camera, Kind, Options, Scene};
+use lenslet_data_gen::simulate::{self, Camera, Scene, SceneName, SimulationOptions};
 
 use ciede2000::{delta_e_2000, lab};
 
 const SIDE: f64 = 600.0;
 
 /// All 49 views of a scene as the F01's sensor, noise and matrix see it on a small sensor.
-fn views(kind: Kind, noise: f64) -> (Scene, HexSamples) {
+fn views(kind: SceneName, noise: f64) -> (Scene, HexSamples) {
     let camera = Camera::with_sensor(SIDE as usize);
-    let options = Options { seed: 5, noise, ..Options::default() };
+    let options = SimulationOptions { seed: 5, noise, ..SimulationOptions::default() };
     let scene = Scene::named(kind, &camera, None, 5, &Silent).unwrap();
-    let simulation = simulate::render(&scene, &camera, &options, &Silent).unwrap();
+    let simulation = simulate::render_capture(&scene, &camera, &options, &Silent).unwrap();
     let found =
         calibration::calibrate(&simulation.whites, &calibration::CalibrationOptions::default(), &Silent).unwrap();
     let samples = decode::samples(&simulation.capture, &found, &decode::Options::default(), &Silent).unwrap();
@@ -44,7 +44,7 @@ fn mean(samples: &HexSamples, view: usize, bounds: [f64; 4]) -> [f64; 3] {
 
 #[test]
 fn a_white_scene_is_grey_within_half_a_percent_in_every_view() {
-    let (_, samples) = views(Kind::White, 0.7);
+    let (_, samples) = views(SceneName::White, 0.7);
     let mut worst = 0f64;
     for view in 0..49 {
         let rgb = mean(&samples, view, [20.0, 20.0, SIDE - 20.0, SIDE - 20.0]);
@@ -61,7 +61,7 @@ fn a_white_scene_is_grey_within_half_a_percent_in_every_view() {
 
 #[test]
 fn a_colour_chart_comes_back_within_a_known_difference() {
-    let (scene, samples) = views(Kind::Colour, 0.7);
+    let (scene, samples) = views(SceneName::Colour, 0.7);
     let (mut worst, mut sum, mut count) = (0f64, 0.0, 0);
     let mut of_patch = Vec::new();
     for region in scene.regions.iter().filter(|r| r.kind == "patch") {

@@ -11,7 +11,7 @@ use lenslet_core::decode::{self, HexSamples};
 use lenslet_core::lightfield::{self, ColourSpace, ReadOptions, colour};
 use lenslet_core::metrics;
 use lenslet_core::progress::Silent;
-use lenslet_data_gen::simulate::{self, Camera, Kind, Lenslets, Options, Scene, Simulation};
+use lenslet_data_gen::simulate::{self, Camera, Lenslets, Scene, SceneName, Simulation, SimulationOptions};
 use lenslet_views::{Method, RenderSamples as _, Target};
 use ndarray::{Array2, Array3, s};
 
@@ -20,11 +20,11 @@ fn lenslet(arguments: &[&str]) -> Output {
 }
 
 /// Takes a capture of a named scene on a small sensor and calibrates from its white images.
-fn taken(kind: Kind, side: usize, noise: f64) -> (Camera, Scene, Simulation, Calibration) {
+fn taken(kind: SceneName, side: usize, noise: f64) -> (Camera, Scene, Simulation, Calibration) {
     let camera = Camera::with_sensor(side);
-    let options = Options { seed: 3, noise, ..Options::default() };
+    let options = SimulationOptions { seed: 3, noise, ..SimulationOptions::default() };
     let scene = Scene::named(kind, &camera, None, 3, &Silent).unwrap();
-    let simulation = simulate::render(&scene, &camera, &options, &Silent).unwrap();
+    let simulation = simulate::render_capture(&scene, &camera, &options, &Silent).unwrap();
     let found =
         calibration::calibrate(&simulation.whites, &calibration::CalibrationOptions::default(), &Silent).unwrap();
     (camera, scene, simulation, found)
@@ -46,18 +46,18 @@ fn luminance_psnr(a: &Array3<f32>, b: &Array3<f32>) -> f64 {
 
 #[test]
 fn calibration_finds_the_true_centres_and_methods_come_in_their_order() {
-    let (camera, scene, simulation, found) = taken(Kind::Natural, 820, 0.0);
+    let (camera, scene, simulation, found) = taken(SceneName::Natural, 820, 0.0);
     let lenslets = Lenslets::new(&camera, 3).unwrap();
     let squares: f64 = found.lenslets.iter().map(|l| lenslets.nearest(l.x, l.y).1).sum();
     let rms = (squares / found.lenslets.len() as f64).sqrt();
     assert!(rms < 0.1, "centres are {rms} px RMS from the truth");
     let (n, all) = (found.lenslets.len() as f64, simulation.centres.len() as f64);
     assert!((n / all - 1.0).abs() < 0.03, "{n} of {all} lenslets");
-    assert!((found.lattice.pitch() - camera.pitch).abs() < 0.005, "{}", found.lattice.pitch());
-    assert!((found.lattice.rotation() - camera.rotation).abs() < 0.0005, "{}", found.lattice.rotation());
+    assert!((found.lattice.pitch() - camera.lenslets.pitch).abs() < 0.005, "{}", found.lattice.pitch());
+    assert!((found.lattice.rotation() - camera.lenslets.rotation).abs() < 0.0005, "{}", found.lattice.rotation());
 
     let size = simulate::output_size(&camera, 270);
-    let mut truth = simulate::view(&scene, &camera, [0.0, 0.0], size);
+    let mut truth = simulate::true_view(&scene, &camera, [0.0, 0.0], size);
     colour::convert(&mut truth, ColourSpace::Linear, ColourSpace::Srgb);
     let samples = central(&simulation, &found);
     let target = Target { width: size.0, height: size.1 };
@@ -71,7 +71,7 @@ fn calibration_finds_the_true_centres_and_methods_come_in_their_order() {
 
 #[test]
 fn white_decodes_to_even_white_and_colours_to_themselves() {
-    let (_, _, simulation, found) = taken(Kind::White, 400, 0.0);
+    let (_, _, simulation, found) = taken(SceneName::White, 400, 0.0);
     let samples = central(&simulation, &found);
     let inside = |c: &[f64; 2]| c.iter().all(|v| (20.0..380.0).contains(v));
     for channel in 0..3 {
@@ -89,7 +89,7 @@ fn white_decodes_to_even_white_and_colours_to_themselves() {
         assert!(spread / mean < 0.002, "channel {channel}: {spread}");
     }
 
-    let (_, scene, simulation, found) = taken(Kind::Colour, 600, 0.0);
+    let (_, scene, simulation, found) = taken(SceneName::Colour, 600, 0.0);
     let samples = central(&simulation, &found);
     let mut worst = 0f32;
     for region in &scene.regions {
@@ -171,8 +171,14 @@ fn the_command_writes_everything_and_the_same_on_any_number_of_threads() {
 
     // What was written is what was simulated.
     let camera = Camera::with_sensor(200);
-    let scene = Scene::named(Kind::Planes, &camera, None, 7, &Silent).unwrap();
-    let simulation = simulate::render(&scene, &camera, &Options { seed: 7, ..Options::default() }, &Silent).unwrap();
+    let scene = Scene::named(SceneName::Planes, &camera, None, 7, &Silent).unwrap();
+    let simulation = simulate::render_capture(
+        &scene,
+        &camera,
+        &SimulationOptions { seed: 7, ..SimulationOptions::default() },
+        &Silent,
+    )
+    .unwrap();
     let capture = container::open_capture(&dir.path().join("one/capture.lfp"), None).unwrap();
     assert_eq!(capture.mosaic, simulation.capture.mosaic);
     assert_eq!(capture.colour.white_balance, simulation.capture.colour.white_balance);
@@ -180,7 +186,7 @@ fn the_command_writes_everything_and_the_same_on_any_number_of_threads() {
     let centres: Array2<f64> = ndarray_npy::read_npy(dir.path().join("one/truth/centres.npy")).unwrap();
     assert_eq!(centres.dim(), (simulation.centres.len(), 2));
     let views = lightfield::load(&dir.path().join("one/truth/views"), &ReadOptions::default()).unwrap();
-    let mut corner = simulate::view(&scene, &camera, [-1.0, 1.0], (66, 66));
+    let mut corner = simulate::true_view(&scene, &camera, [-1.0, 1.0], (66, 66));
     colour::convert(&mut corner, ColourSpace::Linear, ColourSpace::Srgb);
     let stored = views.data.slice(s![2, 0, .., .., ..]);
     assert!(corner.iter().zip(&stored).all(|(a, b)| (a - b).abs() < 1e-4));
@@ -197,14 +203,14 @@ fn photos_become_layers() {
     let back = photo("back.png", &|x, y| [(x * 2) as u8, (y * 2) as u8, 90]);
     let print = photo("print.png", &|_, _| [250, 20, 20]);
     let camera = Camera::with_sensor(300);
-    let alone = simulate::photos(std::slice::from_ref(&back), &camera, None, 1, &Silent).unwrap();
+    let alone = simulate::photo_scene(std::slice::from_ref(&back), &camera, None, 1, &Silent).unwrap();
     // One photo alone lies at disparity 0: the middle of the canvas is the photo's middle, in every view.
     for delta in [[0.0, 0.0], [3.0, -2.0]] {
         let seen = alone.sample(149.5, 149.5, delta).map(|v| colour::encode(v / 0.95) * 255.0);
         assert!((seen[0] - 119.0).abs() < 3.0 && (seen[1] - 89.0).abs() < 3.0, "{seen:?}");
     }
-    let both = simulate::photos(&[back, print], &camera, None, 1, &Silent).unwrap();
-    let map = simulate::disparity(&both, &camera, 1.0, (100, 100));
+    let both = simulate::photo_scene(&[back, print], &camera, None, 1, &Silent).unwrap();
+    let map = simulate::true_disparity(&both, &camera, 1.0, (100, 100));
     let near = map.iter().filter(|d| (**d - 0.3 * 9.9276 / 3.0).abs() < 1e-3).count();
     let far = map.iter().filter(|d| (**d + 0.3 * 9.9276 / 3.0).abs() < 1e-3).count();
     assert!(near > 300 && far > 3000 && near + far == 10_000, "{near} {far}");

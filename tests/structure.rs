@@ -42,7 +42,7 @@ const CRATES: [(&str, &str, &[&str]); 6] = [
         "views/src",
         &["disparity", "error", "target", "interpolate", "multiview", "reconstruct", "method", "renderer"],
     ),
-    ("lenslet_data_gen", "data-gen/src", &["simulate", "pairs"]),
+    ("lenslet_data_gen", "data-gen/src", &["random", "photo", "pairs", "simulate"]),
     ("lenslet_train", "train/src", &[]),
     ("lenslet", "src", &["image_io", "page", "apps", "prelude"]),
     ("program", "src/bin/lenslet", &["report", "ablation", "cli"]),

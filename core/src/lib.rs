@@ -19,3 +19,4 @@ pub mod pfm;
 pub mod progress;
 pub mod sampling;
 pub mod sparse;
+pub mod stroke_font;

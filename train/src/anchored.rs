@@ -2,31 +2,41 @@
 //! min over M of Σ ‖yᵀM − t‖² + ρ‖M‖² on the pairs whose unit features correlate most with a, in either sign.
 
 use lenslet_core::dictionary::{Anchored, nearest_anchors};
+use lenslet_core::linalg::{Par, gram, product, solve_ridge};
+use lenslet_core::progress::Observer;
 use ndarray::{Array2, Array3, ArrayView2, Axis};
 use rand::rngs::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::linear::{cholesky, substitute};
-use super::{Error, atoms};
+use crate::atoms::initial_atoms;
+use crate::error::Error;
+use crate::order::shuffled_indices;
+
+/// Signals whose nearest anchors are found in one product.
+/// Source: chosen; speed only.
+const CHUNK: usize = 1024;
 
 /// Anchors: means of the signals that are nearest to them, up to sign (spherical k-means), on at most `most` signals.
 ///
 /// # Errors
 /// Fewer signals than anchors.
-pub fn anchors(
+pub fn learn_anchors(
     signals: &Array2<f32>,
     count: usize,
     rounds: usize,
     most: usize,
     rng: &mut ChaCha8Rng,
 ) -> Result<Array2<f32>, Error> {
-    let mut anchors = atoms::initial(signals, count, rng)?;
+    let mut anchors = initial_atoms(signals, count, rng)?;
     let some = signals.nrows().min(most);
-    let chosen = super::online::shuffled(signals.nrows(), rng);
+    let chosen = shuffled_indices(signals.nrows(), rng);
     let subset = signals.select(Axis(0), &chosen[..some]);
     for _ in 0..rounds {
-        let parts: Vec<Vec<(u32, f32)>> =
-            subset.axis_chunks_iter(Axis(0), 1024).into_par_iter().map(|part| assign(part, &anchors)).collect();
+        let parts: Vec<Vec<(u32, f32)>> = subset
+            .axis_chunks_iter(Axis(0), CHUNK)
+            .into_par_iter()
+            .map(|part| nearest_with_sign(part, &anchors))
+            .collect();
         let mut sums = Array2::<f64>::zeros(anchors.dim());
         for ((k, sign), row) in parts.into_iter().flatten().zip(subset.rows()) {
             sums.row_mut(k as usize).zip_mut_with(&row, |s, v| *s += f64::from(sign * v));
@@ -41,7 +51,7 @@ pub fn anchors(
     Ok(anchors)
 }
 
-fn assign(signals: ArrayView2<'_, f32>, anchors: &Array2<f32>) -> Vec<(u32, f32)> {
+fn nearest_with_sign(signals: ArrayView2<'_, f32>, anchors: &Array2<f32>) -> Vec<(u32, f32)> {
     let nearest = nearest_anchors(anchors.view(), signals);
     nearest.into_iter().map(|(k, correlation)| (k, if correlation < 0.0 { -1.0 } else { 1.0 })).collect()
 }
@@ -51,14 +61,14 @@ fn assign(signals: ArrayView2<'_, f32>, anchors: &Array2<f32>) -> Vec<(u32, f32)
 /// Memory: one column of N correlations an anchor in work.
 ///
 /// # Errors
-/// [`Error::TooLittle`] when there are no pairs; [`Error::Interrupted`] when `stop` says so.
-pub fn fit(
+/// [`Error::TooLittle`] when there are no pairs; [`Error::Interrupted`].
+pub fn fit_regressors(
     anchors: Array2<f32>,
     signals: ArrayView2<'_, f32>,
     targets: ArrayView2<'_, f32>,
     neighbours: usize,
     ridge: f32,
-    stop: &(dyn Fn() -> bool + Sync),
+    observer: &dyn Observer,
 ) -> Result<Anchored, Error> {
     let ((k, m), p, n) = (anchors.dim(), targets.ncols(), signals.nrows());
     let count = neighbours.min(n);
@@ -68,28 +78,23 @@ pub fn fit(
     let mut maps = Array3::<f32>::zeros((k, m, p));
     maps.outer_iter_mut().into_par_iter().zip(anchors.outer_iter().into_par_iter()).try_for_each(
         |(mut map, anchor)| {
-            if stop() {
-                return Err(Error::Interrupted);
-            }
-            let near = nearest(signals, anchor, count);
+            observer.check()?;
+            let near = most_correlated(signals, anchor, count);
             let x = signals.select(Axis(0), &near);
             let t = targets.select(Axis(0), &near);
-            let mut gram = x.t().dot(&x).mapv(f64::from);
-            gram.diag_mut().mapv_inplace(|v| v + f64::from(ridge));
-            let mut right = x.t().dot(&t).mapv(f64::from);
-            if !cholesky(&mut gram) {
-                return Err(Error::TooLittle("a regressor is not determined: raise the ridge".into()));
-            }
-            substitute(&gram, &mut right);
-            map.assign(&right.mapv(|v| v as f32));
-            Ok(())
+            let gram = gram(x.view(), Par::Seq).mapv(f64::from);
+            let right = product(x.t(), t.view(), Par::Seq).mapv(f64::from);
+            let solved = solve_ridge(gram.view(), right.view(), f64::from(ridge))
+                .map_err(|_| Error::TooLittle("a regressor is not determined: raise the ridge".into()))?;
+            map.assign(&solved.mapv(|v| v as f32));
+            Ok::<(), Error>(())
         },
     )?;
     Ok(Anchored { anchors, maps })
 }
 
 /// Indices, ascending, of the `count` signals of largest |correlation| with the anchor.
-fn nearest(signals: ArrayView2<'_, f32>, anchor: ndarray::ArrayView1<'_, f32>, count: usize) -> Vec<usize> {
+fn most_correlated(signals: ArrayView2<'_, f32>, anchor: ndarray::ArrayView1<'_, f32>, count: usize) -> Vec<usize> {
     let mut ranked: Vec<(f32, u32)> =
         signals.dot(&anchor).iter().enumerate().map(|(i, v)| (v.abs(), i as u32)).collect();
     if count < ranked.len() {
@@ -104,7 +109,16 @@ fn nearest(signals: ArrayView2<'_, f32>, anchor: ndarray::ArrayView1<'_, f32>, c
 #[cfg(test)]
 mod tests {
     use super::*;
+    use lenslet_core::progress::Silent;
     use rand::{RngExt, SeedableRng};
+
+    struct Cancelled;
+
+    impl Observer for Cancelled {
+        fn cancelled(&self) -> bool {
+            true
+        }
+    }
 
     #[test]
     fn nearest_is_the_sorted_definition() {
@@ -115,27 +129,30 @@ mod tests {
         all.sort_by(|&a, &b| signals.row(b).dot(&anchor).abs().total_cmp(&signals.row(a).dot(&anchor).abs()));
         let mut plain = all[..30].to_vec();
         plain.sort_unstable();
-        assert_eq!(nearest(signals.view(), anchor.view(), 30), plain);
-        assert_eq!(nearest(signals.view(), anchor.view(), 500).len(), 200);
+        assert_eq!(most_correlated(signals.view(), anchor.view(), 30), plain);
+        assert_eq!(most_correlated(signals.view(), anchor.view(), 500).len(), 200);
     }
 
     #[test]
     fn a_map_that_bends_is_followed_better_than_by_one_regressor() {
         let mut rng = ChaCha8Rng::seed_from_u64(2);
         let mut x = Array2::from_shape_fn((4000, 3), |_| rng.random::<f32>() - 0.5);
-        atoms::normalise(&mut x);
+        crate::atoms::normalise_atoms(&mut x);
         let t = Array2::from_shape_fn((4000, 1), |(i, _)| x[[i, 0]] * x[[i, 1]].abs());
-        let a = anchors(&x, 24, 4, 2000, &mut rng).unwrap();
-        let fitted = fit(a, x.view(), t.view(), 200, 1e-3, &|| false).unwrap();
-        let of = assign(x.view(), &fitted.anchors);
+        let a = learn_anchors(&x, 24, 4, 2000, &mut rng).unwrap();
+        let fitted = fit_regressors(a, x.view(), t.view(), 200, 1e-3, &Silent).unwrap();
+        let of = nearest_with_sign(x.view(), &fitted.anchors);
         let mut error = 0.0;
         for (i, (k, _)) in of.iter().enumerate() {
             let y = x.row(i).dot(&fitted.maps.index_axis(Axis(0), *k as usize).column(0));
             error += (y - t[[i, 0]]).powi(2);
         }
-        let one = crate::linear::ridge(x.view(), t.view(), None).unwrap();
+        let one = crate::regression::ridge_regressor(x.view(), t.view(), None).unwrap();
         let single: f32 = (&x.dot(&one) - &t).iter().map(|d| d * d).sum();
         assert!(error < 0.3 * single, "{error} {single}");
-        assert!(matches!(fit(fitted.anchors, x.view(), t.view(), 200, 1e-3, &|| true), Err(Error::Interrupted)));
+        assert!(matches!(
+            fit_regressors(fitted.anchors, x.view(), t.view(), 200, 1e-3, &Cancelled),
+            Err(Error::Interrupted(_))
+        ));
     }
 }

@@ -1,19 +1,21 @@
 //! Atoms: the first ones, and the replacement of dead, duplicate and coherent ones.
 
+use lenslet_core::linalg::{Par, gram};
 use ndarray::{Array2, ArrayView1, Axis};
 use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
 
-use super::Error;
+use crate::error::Error;
 
-/// |cosine| from which two atoms count as one.
+/// |cosine| above which two atoms count as one.
+/// Source: Aharon, Elad and Bruckstein 2006, whose software replaces atoms from 0.99 on.
 const COHERENT: f32 = 0.99;
 
-/// `count` signals chosen at random, made unit; those too alike are passed over as long as there is a choice.
+/// `count` signals chosen at random, made unit; those nearly parallel to an earlier one are passed over as long as there is a choice.
 ///
 /// # Errors
 /// [`Error::TooLittle`] when there are fewer signals than atoms.
-pub fn initial(signals: &Array2<f32>, count: usize, rng: &mut ChaCha8Rng) -> Result<Array2<f32>, Error> {
+pub fn initial_atoms(signals: &Array2<f32>, count: usize, rng: &mut ChaCha8Rng) -> Result<Array2<f32>, Error> {
     let n = signals.nrows();
     if n < count {
         return Err(Error::TooLittle(format!(
@@ -42,8 +44,8 @@ pub fn initial(signals: &Array2<f32>, count: usize, rng: &mut ChaCha8Rng) -> Res
     Ok(atoms)
 }
 
-/// Makes rows unit; a row of nothing becomes the first axis.
-pub fn normalise(atoms: &mut Array2<f32>) {
+/// Makes rows unit; a row of zeros becomes the first axis.
+pub fn normalise_atoms(atoms: &mut Array2<f32>) {
     for mut row in atoms.rows_mut() {
         let norm = row.dot(&row).sqrt();
         if norm > 1e-12 && norm.is_finite() {
@@ -57,24 +59,24 @@ pub fn normalise(atoms: &mut Array2<f32>) {
 
 /// Atoms to replace: those used less than `least` times, and of each coherent couple the less used.
 #[must_use]
-pub fn weak(atoms: &Array2<f32>, uses: &[u64], least: u64) -> Vec<usize> {
-    let gram = atoms.dot(&atoms.t());
-    let mut gone = vec![false; atoms.nrows()];
+pub fn atoms_to_replace(atoms: &Array2<f32>, uses: &[u64], least: u64) -> Vec<usize> {
+    let gram = gram(atoms.t(), Par::Seq);
+    let mut marked = vec![false; atoms.nrows()];
     for (k, &n) in uses.iter().enumerate() {
-        gone[k] = n < least;
+        marked[k] = n < least;
     }
-    for i in 0..gone.len() {
+    for i in 0..marked.len() {
         for j in 0..i {
-            if !gone[i] && !gone[j] && gram[[i, j]].abs() > COHERENT {
-                gone[if uses[i] < uses[j] { i } else { j }] = true;
+            if !marked[i] && !marked[j] && gram[[i, j]].abs() > COHERENT {
+                marked[if uses[i] < uses[j] { i } else { j }] = true;
             }
         }
     }
-    (0..gone.len()).filter(|&k| gone[k]).collect()
+    (0..marked.len()).filter(|&k| marked[k]).collect()
 }
 
-/// Puts a signal, made unit, in place of atom `k`; false when the signal is nothing.
-pub fn replace(atoms: &mut Array2<f32>, k: usize, signal: ArrayView1<'_, f32>) -> bool {
+/// Puts a signal, made unit, in place of atom `k`; false when the signal is zero.
+pub fn replace_atom(atoms: &mut Array2<f32>, k: usize, signal: ArrayView1<'_, f32>) -> bool {
     let norm = signal.dot(&signal).sqrt();
     if !(norm > 1e-6) {
         return false;
@@ -96,20 +98,20 @@ mod tests {
             let row = signals.row(0).to_owned();
             signals.row_mut(i).assign(&row);
         }
-        let atoms = initial(&signals, 20, &mut rng).unwrap();
+        let atoms = initial_atoms(&signals, 20, &mut rng).unwrap();
         let gram = atoms.dot(&atoms.t());
         for i in 0..20 {
             assert!((gram[[i, i]] - 1.0).abs() < 1e-5);
             assert!((0..i).all(|j| gram[[i, j]].abs() <= COHERENT));
         }
-        assert!(initial(&signals, 301, &mut rng).is_err());
-        assert!(initial(&Array2::zeros((9, 5)), 3, &mut rng).is_err());
+        assert!(initial_atoms(&signals, 301, &mut rng).is_err());
+        assert!(initial_atoms(&Array2::zeros((9, 5)), 3, &mut rng).is_err());
     }
 
     #[test]
     fn dead_and_double_atoms_are_named() {
         let atoms = ndarray::array![[1.0f32, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.6, 0.8]];
-        assert_eq!(weak(&atoms, &[5, 9, 6, 0], 1), [0, 3]);
-        assert!(weak(&atoms, &[5, 9, 4, 3], 1) == [2]);
+        assert_eq!(atoms_to_replace(&atoms, &[5, 9, 6, 0], 1), [0, 3]);
+        assert!(atoms_to_replace(&atoms, &[5, 9, 4, 3], 1) == [2]);
     }
 }

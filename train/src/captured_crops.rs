@@ -6,35 +6,39 @@ use std::path::PathBuf;
 
 use lenslet_core::calibration;
 use lenslet_core::decode;
-use lenslet_core::dictionary::{Footprint, Interpolation, Photo};
+use lenslet_core::dictionary::Footprint;
+use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{ColourSpace, View, colour};
 use lenslet_core::metrics::{BORDER, luminance};
 use lenslet_core::progress::{Observer, Silent};
-use lenslet_data_gen::pairs::{Crop, find_photos, load_photo};
-use lenslet_data_gen::simulate::{self, Camera, Kind, Scene};
+use lenslet_data_gen::pairs::Crop;
+use lenslet_data_gen::photo::PhotoSet;
+use lenslet_data_gen::simulate::{self, Camera, LensletGrid, Scene, SceneName};
 use ndarray::{Array2, Axis, s};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
-use crate::{Data, Error, Parameters};
+use crate::error::Error;
+use crate::parameters::Parameters;
+use crate::training_crops::TrainingCrops;
 use lenslet_views::reconstruct::Measurements;
 use lenslet_views::{InterpolatedViews, Target};
 
 /// Photos that share a scene.
 const PHOTOS: usize = 3;
 /// Drawn scenes, in turn: photos hardly have thin things before others, letters and sharp edges.
-const DRAWN: [Kind; 4] = [Kind::Natural, Kind::Chart, Kind::Occluders, Kind::Planes];
+const DRAWN: [SceneName; 4] = [SceneName::Natural, SceneName::Chart, SceneName::Occluders, SceneName::Planes];
 /// Index of the first drawn scene, beyond those of photos.
 const AFTER_PHOTOS: usize = 100_000;
 /// Views a side of a capture.
 const VIEWS: usize = 7;
 /// Views of a capture that train.
 const TAKEN: usize = 4;
-/// Most noise of a capture, as in [`simulate::Options`].
+/// Most noise of a capture, as in [`simulate::SimulationOptions`].
 const NOISE: f64 = 3.0;
 
-/// Crops for [`crate::train_on`] from photos (files, or folders that are searched): twice `parameters.crops` for
-/// every photo that trains, of `parameters.crop` pixels a side; every `held_out`-th photo only before captures that do not
+/// Crops for [`crate::train_on_crops`] from photos (files, or folders that are searched): twice `parameters.pairs.crops` for
+/// every photo that trains, of `parameters.pairs.crop` pixels a side; every `held_out`-th photo only before captures that do not
 /// train. For every two captures of photos there is one of a drawn scene, of a seed of its own.
 ///
 /// Each capture has a disparity of its own between −0.35 and 0.35 pitches a sensor pixel, often near 0 where views have the
@@ -42,32 +46,19 @@ const NOISE: f64 = 3.0;
 ///
 /// # Errors
 /// No usable photo, interruption, a pitch that no camera has.
-pub fn captured_crops(photos: &[PathBuf], parameters: &Parameters, observer: &dyn Observer) -> Result<Data, Error> {
-    let mut data = Data { train: Vec::new(), held_out: Vec::new(), photos: Vec::new(), skipped: Vec::new() };
+pub fn captured_crops(
+    photos: &[PathBuf],
+    parameters: &Parameters,
+    observer: &dyn Observer,
+) -> Result<TrainingCrops, Error> {
+    let mut data = TrainingCrops { train: Vec::new(), held_out: Vec::new(), photos: Vec::new(), skipped: Vec::new() };
     let (mut train, mut held_out) = (Vec::new(), Vec::new());
-    let files = find_photos(photos)?;
-    observer.begin("photos", files.len() as u64);
-    for path in &files {
-        stop(observer)?;
-        observer.advance(1);
-        match load_photo(path, 64) {
-            Ok(photo) => {
-                let index = data.photos.len();
-                let keep = parameters.held_out >= 2 && index % parameters.held_out == parameters.held_out - 1;
-                if keep { &mut held_out } else { &mut train }.push((index, path.clone()));
-                data.photos.push(Photo { file: photo.name, sha256: photo.sha256 });
-            }
-            Err(e) => {
-                let note = format!("left out: {e}");
-                observer.note(&note);
-                data.skipped.push(note);
-            }
-        }
-    }
-    if train.is_empty() {
-        let of = files.len();
-        return Err(Error::TooLittle(format!("none of {of} files is a usable photo: {}", data.skipped.join("; "))));
-    }
+    let report = PhotoSet::find(photos, ColourSpace::Srgb)?.for_each(observer, |index, path, _| {
+        let keep = parameters.pairs.held_out >= 2 && index % parameters.pairs.held_out == parameters.pairs.held_out - 1;
+        if keep { &mut held_out } else { &mut train }.push((index, path.to_path_buf()));
+        Ok::<(), Error>(())
+    })?;
+    (data.photos, data.skipped) = (report.used, report.skipped);
     let mut rng = ChaCha8Rng::seed_from_u64(parameters.seed);
     // Every photo is the background of a capture, with the two after it before it; of those held out every second.
     for k in (1..train.len()).rev() {
@@ -75,33 +66,30 @@ pub fn captured_crops(photos: &[PathBuf], parameters: &Parameters, observer: &dy
     }
     let drawn = train.len() / 2;
     observer.begin("captures", (train.len() + held_out.len().div_ceil(2) + drawn) as u64);
-    let sets = [(&train, &mut data.train, 2 * parameters.crops, 1), (&held_out, &mut data.held_out, 1, 2)];
+    let sets = [(&train, &mut data.train, 2 * parameters.pairs.crops, 1), (&held_out, &mut data.held_out, 1, 2)];
     for (set, crops, count, every) in sets {
         for k in (0..set.len()).step_by(every) {
-            stop(observer)?;
+            observer.check()?;
             let scene: Vec<PathBuf> = (0..PHOTOS.min(set.len())).map(|j| set[(k + j) % set.len()].1.clone()).collect();
             let index = set[k].0;
-            let draw =
-                |camera: &Camera, disparity, seed| simulate::photos(&scene, camera, Some(disparity), seed, &Silent);
+            let draw = |camera: &Camera, disparity, seed| {
+                simulate::photo_scene(&scene, camera, Some(disparity), seed, &Silent)
+            };
             let failed = |e: CaptureError| Error::Crops(format!("a simulated capture of {}: {e}", scene[0].display()));
             crops.extend(capture(&draw, index, count, parameters).map_err(failed)?);
             observer.advance(1);
         }
     }
     for k in 0..drawn {
-        stop(observer)?;
+        observer.check()?;
         let kind = DRAWN[k % DRAWN.len()];
         let draw = |camera: &Camera, disparity, seed| Scene::named(kind, camera, Some(disparity), seed, &Silent);
         let failed = |e: CaptureError| Error::Crops(format!("a simulated capture of the scene {}: {e}", kind.name()));
         let index = AFTER_PHOTOS + k;
-        data.train.extend(capture(&draw, index, 2 * parameters.crops, parameters).map_err(failed)?);
+        data.train.extend(capture(&draw, index, 2 * parameters.pairs.crops, parameters).map_err(failed)?);
         observer.advance(1);
     }
     Ok(data)
-}
-
-fn stop(observer: &dyn Observer) -> Result<(), Error> {
-    if observer.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
 }
 
 /// What goes wrong between a scene and its crops.
@@ -125,19 +113,22 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
     let mut rng = ChaCha8Rng::seed_from_u64(parameters.seed);
     rng.set_stream((5 << 60) | index as u64);
     // As many output pixels as two crops and their borders take, at the camera's own scale.
-    let side = 2 * parameters.crop + 2 * BORDER;
-    let default = Camera::default();
-    let sensor = 2 * ((side as f64 * default.pitch / parameters.pitch / 2.0).round() as usize);
+    let side = 2 * parameters.pairs.crop + 2 * BORDER;
+    let grid = LensletGrid::default();
+    let sensor = 2 * ((side as f64 * grid.pitch / parameters.degradation.pitch / 2.0).round() as usize);
+    let offset = [rng.random::<f64>() * grid.pitch, rng.random::<f64>() * grid.pitch];
     let camera = Camera {
-        rotation: parameters.rotation,
-        offset: [rng.random::<f64>() * default.pitch, rng.random::<f64>() * default.pitch],
+        lenslets: LensletGrid { rotation: parameters.degradation.rotation, offset, ..grid },
         ..Camera::with_sensor(sensor)
     };
     let disparity = 0.7 * rng.random::<f64>() - 0.35;
-    let options =
-        simulate::Options { seed: rng.random::<u32>().into(), noise: NOISE * rng.random::<f64>().powi(2), whites: 2 };
+    let options = simulate::SimulationOptions {
+        seed: rng.random::<u32>().into(),
+        noise: NOISE * rng.random::<f64>().powi(2),
+        whites: 2,
+    };
     let scene = draw(&camera, disparity, options.seed)?;
-    let simulation = simulate::render(&scene, &camera, &options, &Silent)?;
+    let simulation = simulate::render_capture(&scene, &camera, &options, &Silent)?;
     let calibration = calibration::calibrate(&simulation.whites, &calibration::CalibrationOptions::default(), &Silent)?;
     let samples = decode::samples(&simulation.capture, &calibration, &decode::Options::default(), &Silent)?;
 
@@ -147,8 +138,8 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
     }
     let size = simulate::output_size(&camera, side);
     let target = Target { width: size.0, height: size.1 };
-    let alone: &[Interpolation] = parameters.network.as_ref().map_or(&[], |n| &n.beside);
-    let truth = Measurements::new(&samples, Footprint::Point, parameters.pitch, size, None, alone)?;
+    let alone: &[Interpolation] = parameters.network.as_ref().map_or(&[], |n| &n.side_inputs);
+    let truth = Measurements::new(&samples, Footprint::Point, parameters.degradation.pitch, size, None, alone)?;
     let (mut refined, mut beside) = (Vec::new(), Vec::new());
     let mut keep = |v: usize, u: usize, view: View| {
         let values = samples.values.index_axis(Axis(0), v * VIEWS + u);
@@ -167,7 +158,7 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
     let truths: Vec<Array2<f32>> = views
         .iter()
         .map(|&at| {
-            let mut truth = simulate::view(&scene, &camera, simulate::offset([at.0, at.1], VIEWS, 1.0), size);
+            let mut truth = simulate::true_view(&scene, &camera, simulate::view_offset([at.0, at.1], VIEWS, 1.0), size);
             colour::convert(&mut truth, ColourSpace::Linear, ColourSpace::Srgb);
             luminance(truth.view())
         })
@@ -175,12 +166,12 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
     let mut crops = Vec::new();
     for k in 0..count {
         let at = k % views.len();
-        let edge = parameters.crop.min(size.0.min(size.1).saturating_sub(2 * BORDER));
+        let edge = parameters.pairs.crop.min(size.0.min(size.1).saturating_sub(2 * BORDER));
         let mut corner = |n: usize| rng.random_range(BORDER..=(n - BORDER - edge).max(BORDER));
         let (y, x) = (corner(size.1), corner(size.0));
         let cut = |p: &Array2<f32>| p.slice(s![y..y + edge, x..x + edge]).to_owned();
-        let beside = beside[at].iter().map(cut).collect();
-        crops.push(Crop { photo: index, high: cut(&truths[at]), low: cut(&refined[at]), beside });
+        let side_inputs = beside[at].iter().map(cut).collect();
+        crops.push(Crop { photo: index, high: cut(&truths[at]), low: cut(&refined[at]), side_inputs });
     }
     Ok(crops)
 }

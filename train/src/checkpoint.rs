@@ -1,37 +1,41 @@
 //! Checkpoints: everything a run needs to go on as if it had never stopped, in one file beside the output: a .npz and, after it,
-//! the SHA-256 of its bytes. What the arrays declare is believed only where that fits.
+//! the SHA-256 of its bytes. The arrays are read only where it matches.
 
 use std::io::Cursor;
 use std::path::Path;
 
 use lenslet_core::dictionary::{self, Dictionary};
 use lenslet_core::output;
-use ndarray::{Array1, Array2};
+use ndarray::{Array1, Array2, Ix2};
 use ndarray_npy::{NpzReader, NpzWriter};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::run::Epoch;
-use super::{Error, Parameters, online, refine};
+use crate::error::Error;
+use crate::online::OnlineState;
+use crate::optimiser::Adam;
+use crate::parameters::Parameters;
+use crate::refine::RefinementState;
+use crate::trace::Epoch;
 
 /// Bytes of the checksum at the end.
-const SEAL: usize = 32;
+const CHECKSUM: usize = 32;
 
 /// Where a run is within one pass.
 #[derive(Debug, Clone)]
 pub enum Stage {
     /// The atoms are being learned; epochs done.
-    Learn(usize, online::State),
+    Learn(usize, OnlineState),
     /// Dl and Dh are being refined; epochs done.
-    Refine(usize, refine::State),
+    Refine(usize, RefinementState),
 }
 
 /// A run's state after a whole epoch.
 #[derive(Debug, Clone)]
 pub struct Checkpoint {
-    /// What the run was asked for, with the names of its inputs.
+    /// Parameters and inputs of the run.
     pub key: Key,
-    /// Finished models and, last, the unfinished one's finished passes; None before the first pass is finished.
+    /// Finished models; `None` before the first one.
     pub done: Option<Dictionary>,
     /// Models finished, and passes of the current one.
     pub at: (usize, usize),
@@ -62,7 +66,7 @@ struct Head {
     trace: Vec<Epoch>,
 }
 
-fn wrong(path: &Path, reason: impl ToString) -> Error {
+fn unusable(path: &Path, reason: impl ToString) -> Error {
     Error::Checkpoint { path: path.display().to_string(), reason: reason.to_string() }
 }
 
@@ -70,7 +74,7 @@ fn wrong(path: &Path, reason: impl ToString) -> Error {
 ///
 /// # Errors
 /// When it cannot be written.
-pub fn save(path: &Path, checkpoint: &Checkpoint) -> Result<(), Error> {
+pub fn save_checkpoint(path: &Path, checkpoint: &Checkpoint) -> Result<(), Error> {
     let mut npz = NpzWriter::new(Cursor::new(Vec::new()));
     let (stage, epochs, count) = match &checkpoint.stage {
         None => ("none", 0, 0),
@@ -85,8 +89,8 @@ pub fn save(path: &Path, checkpoint: &Checkpoint) -> Result<(), Error> {
         count,
         trace: checkpoint.trace.clone(),
     };
-    let head = serde_json::to_vec(&head).map_err(|e| wrong(path, e))?;
-    let put = |e: ndarray_npy::WriteNpzError| wrong(path, e);
+    let head = serde_json::to_vec(&head).map_err(|e| unusable(path, e))?;
+    let put = |e: ndarray_npy::WriteNpzError| unusable(path, e);
     npz.add_array("head", &Array1::from_vec(head)).map_err(put)?;
     if let Some(done) = &checkpoint.done {
         npz.add_array("done", &Array1::from_vec(dictionary::to_bytes(done)?)).map_err(put)?;
@@ -101,14 +105,15 @@ pub fn save(path: &Path, checkpoint: &Checkpoint) -> Result<(), Error> {
         Some(Stage::Refine(_, s)) => {
             npz.add_array("low", &s.low).map_err(put)?;
             npz.add_array("high", &s.high).map_err(put)?;
-            for (i, m) in s.moments.iter().enumerate() {
+            let moments = [&s.low_moments.first, &s.low_moments.second, &s.high_moments.first, &s.high_moments.second];
+            for (i, m) in moments.into_iter().enumerate() {
                 npz.add_array(format!("moments{i}"), m).map_err(put)?;
             }
         }
     }
     let mut bytes = npz.finish().map_err(put)?.into_inner();
-    let seal = Sha256::digest(&bytes);
-    bytes.extend_from_slice(&seal);
+    let checksum = Sha256::digest(&bytes);
+    bytes.extend_from_slice(&checksum);
     Ok(output::write_file(path, true, &bytes)?)
 }
 
@@ -116,19 +121,20 @@ pub fn save(path: &Path, checkpoint: &Checkpoint) -> Result<(), Error> {
 ///
 /// # Errors
 /// When it is damaged, or was made with other parameters or photos.
-pub fn load(path: &Path, key: &Key) -> Result<Checkpoint, Error> {
-    let bytes = std::fs::read(path).map_err(|e| wrong(path, e))?;
-    let whole = bytes.split_last_chunk::<SEAL>().filter(|(body, seal)| Sha256::digest(body)[..] == seal[..]);
+pub fn load_checkpoint(path: &Path, key: &Key) -> Result<Checkpoint, Error> {
+    let bytes = std::fs::read(path).map_err(|e| unusable(path, e))?;
+    let whole =
+        bytes.split_last_chunk::<CHECKSUM>().filter(|(body, checksum)| Sha256::digest(body)[..] == checksum[..]);
     let Some((body, _)) = whole else {
-        return Err(wrong(path, "it is damaged, or of an earlier version; start again without --resume"));
+        return Err(unusable(path, "it is damaged, or of an earlier version; start again without --resume"));
     };
-    let mut npz = NpzReader::new(Cursor::new(body)).map_err(|e| wrong(path, e))?;
-    let get = |e: ndarray_npy::ReadNpzError| wrong(path, format!("{e}; start again without --resume"));
+    let mut npz = NpzReader::new(Cursor::new(body)).map_err(|e| unusable(path, e))?;
+    let get = |e: ndarray_npy::ReadNpzError| unusable(path, format!("{e}; start again without --resume"));
     let head: Array1<u8> = npz.by_name("head").map_err(get)?;
-    let head: Head = serde_json::from_slice(&head.to_vec()).map_err(|e| wrong(path, e))?;
+    let head: Head = serde_json::from_slice(&head.to_vec()).map_err(|e| unusable(path, e))?;
     if head.key != *key {
         let what = if head.key.parameters == key.parameters { "photos" } else { "parameters" };
-        return Err(wrong(
+        return Err(unusable(
             path,
             format!("it was made with other {what}; give the same ones, or start without --resume"),
         ));
@@ -141,7 +147,7 @@ pub fn load(path: &Path, key: &Key) -> Result<Checkpoint, Error> {
         None
     };
     let fits = |good: bool| {
-        if good { Ok(()) } else { Err(wrong(path, "its matrices do not fit; start again without --resume")) }
+        if good { Ok(()) } else { Err(unusable(path, "its matrices do not fit; start again without --resume")) }
     };
     let stage = match head.stage.as_str() {
         "learn" => {
@@ -149,16 +155,19 @@ pub fn load(path: &Path, key: &Key) -> Result<Checkpoint, Error> {
             let a: Array2<f64> = npz.by_name("a").map_err(get)?;
             let b: Array2<f64> = npz.by_name("b").map_err(get)?;
             fits(a.dim() == (atoms.nrows(), atoms.nrows()) && b.dim() == atoms.dim())?;
-            Some(Stage::Learn(head.epochs, online::State { atoms, a, b, batches: head.count }))
+            Some(Stage::Learn(head.epochs, OnlineState { atoms, a, b, batches: head.count }))
         }
         "refine" => {
             let low: Array2<f32> = npz.by_name("low").map_err(get)?;
             let high: Array2<f32> = npz.by_name("high").map_err(get)?;
             let mut moment = |i: usize| npz.by_name(&format!("moments{i}")).map_err(get);
-            let moments: [Array2<f32>; 4] = [moment(0)?, moment(1)?, moment(2)?, moment(3)?];
-            fits(moments[0].dim() == low.dim() && moments[1].dim() == low.dim())?;
-            fits(moments[2].dim() == high.dim() && moments[3].dim() == high.dim() && low.nrows() == high.nrows())?;
-            Some(Stage::Refine(head.epochs, refine::State { low, high, moments, steps: head.count }))
+            let low_moments: Adam<Ix2> = Adam { first: moment(0)?, second: moment(1)? };
+            let high_moments: Adam<Ix2> = Adam { first: moment(2)?, second: moment(3)? };
+            fits(low_moments.first.dim() == low.dim() && low_moments.second.dim() == low.dim())?;
+            fits(high_moments.first.dim() == high.dim() && high_moments.second.dim() == high.dim())?;
+            fits(low.nrows() == high.nrows())?;
+            let state = RefinementState { low, high, low_moments, high_moments, steps: head.count };
+            Some(Stage::Refine(head.epochs, state))
         }
         _ => None,
     };
@@ -175,16 +184,16 @@ mod tests {
         let path = folder.path().join("a.checkpoint");
         let key = Key { version: 1, parameters: Parameters::default(), photos: Vec::new() };
         let atoms = Array2::from_shape_fn((5, 7), |(r, c)| (r * 7 + c) as f32);
-        let state = online::State { atoms: atoms.clone(), a: Array2::eye(5), b: Array2::zeros((5, 7)), batches: 3 };
+        let state = OnlineState { atoms: atoms.clone(), a: Array2::eye(5), b: Array2::zeros((5, 7)), batches: 3 };
         let whole =
             Checkpoint { key: key.clone(), done: None, at: (0, 0), stage: Some(Stage::Learn(2, state)), trace: vec![] };
-        save(&path, &whole).unwrap();
-        let Some(Stage::Learn(2, read)) = load(&path, &key).unwrap().stage else { panic!("another stage") };
+        save_checkpoint(&path, &whole).unwrap();
+        let Some(Stage::Learn(2, read)) = load_checkpoint(&path, &key).unwrap().stage else { panic!("another stage") };
         assert_eq!((read.atoms, read.batches), (atoms, 3));
         let bytes = std::fs::read(&path).unwrap();
         let refused = |bytes: &[u8]| {
             std::fs::write(&path, bytes).unwrap();
-            let error = load(&path, &key).unwrap_err().to_string();
+            let error = load_checkpoint(&path, &key).unwrap_err().to_string();
             assert!(error.contains("a.checkpoint") && error.contains("--resume"), "{error}");
         };
         for n in 0..bytes.len() {

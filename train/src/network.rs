@@ -1,106 +1,38 @@
-//! Fitting of the network of [`lenslet_core::dictionary::Network`]: min Σ w·½‖o(x) − t‖² over pairs, x and t as
-//! [`lenslet_core::dictionary::network_inputs`] gives and divides them, by Adam (Kingma 2015) on shuffled batches, the step falling as
-//! half a cosine. Rectified layers begin as He (2015) has it.
+//! Fitting of the network of [`lenslet_core::dictionary::Network`]: min Σ w·½‖o(x) − t‖² over pairs, x and t
+//! normalised by [`lenslet_core::dictionary::network_inputs`], by Adam (Kingma and Ba 2015) on shuffled batches, with a
+//! cosine-annealed learning rate (Loshchilov and Hutter 2017). Rectified layers begin as in He (2015).
 
 use lenslet_core::dictionary::{Layer, Network, network_inputs};
-use lenslet_core::interpolation::Interpolation;
 use lenslet_core::linalg::{Par, product};
 use lenslet_data_gen::pairs::{self, Crop, PatchOptions};
-use ndarray::{Array1, Array2, Axis, concatenate};
+use ndarray::{Array1, Array2, Axis, Ix1, Ix2, concatenate};
 use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
-use super::Error;
-use super::online::shuffled;
-
-/// Parameters of a network and of its fitting.
-///
-/// | name | default | purpose | range |
-/// |---|---|---|---|
-/// | `beside` | none | images of the view beside the low one: barycentric, cubic; only where the caller makes them | |
-/// | `features` | \[60\] | principal components kept of the low image, then of each image beside it | 2 … (window+4)² − 1 |
-/// | `window` | 9 | side of the window whose gradients are features | odd, 3 … 25 |
-/// | `patch` | 5 | side of a residual patch | odd, 3 … window + 4 |
-/// | `hidden` | \[256, 128\] | outputs of each hidden layer | one to four of 1 … 4096 |
-/// | `epochs` | 14 | passes over the pairs | 1 … 1000 |
-/// | `batch` | 512 | pairs a step | 16 … 65536 |
-/// | `rate` | 0.001 | first step | 0 … 1 |
-/// | `pairs` | 400 000 | training pairs | 100 … 20 000 000 |
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-#[allow(missing_docs)] // the table above says it
-pub struct NetworkParameters {
-    pub beside: Vec<Interpolation>,
-    pub features: Vec<usize>,
-    pub window: usize,
-    pub patch: usize,
-    pub hidden: Vec<usize>,
-    pub epochs: usize,
-    pub batch: usize,
-    pub rate: f32,
-    pub pairs: usize,
-}
-
-impl Default for NetworkParameters {
-    fn default() -> Self {
-        NetworkParameters {
-            beside: Vec::new(),
-            features: vec![60],
-            window: 9,
-            patch: 5,
-            hidden: vec![256, 128],
-            epochs: 14,
-            batch: 512,
-            rate: 0.001,
-            pairs: 400_000,
-        }
-    }
-}
-
-impl NetworkParameters {
-    /// Checks every range of the table.
-    ///
-    /// # Errors
-    /// [`Error::Parameter`] with the name and the value.
-    pub fn check(&self) -> Result<(), Error> {
-        let wrong = |what: String| Err(Error::Parameter(format!("network: {what}")));
-        let odd = |n: usize, least: usize, most: usize| n % 2 == 1 && (least..=most).contains(&n);
-        if !odd(self.window, 3, 25) || !odd(self.patch, 3, self.window + 4) {
-            return wrong(format!("window {} or patch {} is out of range", self.window, self.patch));
-        }
-        if self.features.len() != self.beside.len() + 1 {
-            return wrong(format!("features {:?} of {} images", self.features, self.beside.len() + 1));
-        }
-        if self.features.iter().any(|f| !(2..(self.window + 4).pow(2)).contains(f)) {
-            return wrong(format!("features {:?} are out of range", self.features));
-        }
-        if !(1..=4).contains(&self.hidden.len()) || self.hidden.iter().any(|h| !(1..=4096).contains(h)) {
-            return wrong(format!("hidden layers {:?} are out of range", self.hidden));
-        }
-        if !(1..=1000).contains(&self.epochs) || !(16..=65_536).contains(&self.batch) {
-            return wrong(format!("epochs {} or batch {} is out of range", self.epochs, self.batch));
-        }
-        if !(0.0..=1.0).contains(&self.rate) || !(100..=20_000_000).contains(&self.pairs) {
-            return wrong(format!("rate {} or pairs {} is out of range", self.rate, self.pairs));
-        }
-        Ok(())
-    }
-}
+use crate::error::Error;
+use crate::optimiser::{Adam, cosine_annealed};
+use crate::order::shuffled_indices;
+use crate::parameters::NetworkParameters;
 
 /// Smallest norm that features are divided by; flatter patches do not train.
+/// Source: chosen.
 const FLOOR: f32 = 0.02;
 
 /// Pairs whose gradients are summed together; fixed, so that results do not depend on threads.
+/// Source: chosen.
 const CHUNK: usize = 128;
 
-/// Learns a network on crops: filters, then layers. `emphasis` as in [`super::Parameters`]; at most `most` pairs; `step` hears of every
-/// batch.
+/// Added to the root of Adam's second moment.
+/// Source: Kingma and Ba 2015, algorithm 1.
+const EPSILON: f32 = 1e-8;
+
+/// Learns a network on crops: filters, then layers. `emphasis` as in [`crate::RefinementParameters`]; at most `most` pairs;
+/// `step` is called with the size of every batch.
 ///
 /// # Errors
 /// Too few textured patches, crops without the images wanted beside the low one, what `step` returns.
-pub fn learn(
+pub fn learn_network(
     crops: &[Crop],
     parameters: &NetworkParameters,
     emphasis: f32,
@@ -110,13 +42,13 @@ pub fn learn(
     step: &mut dyn FnMut(usize) -> Result<(), Error>,
 ) -> Result<Network, Error> {
     let p = parameters;
-    if crops.iter().any(|c| c.beside.len() < p.beside.len()) {
+    if crops.iter().any(|c| c.side_inputs.len() < p.side_inputs.len()) {
         return Err(Error::Parameter("network: only captures of one's own have images beside the low one".into()));
     }
     let support = p.window + 4;
     let mut filters = vec![pairs::learn_filters(crops, p.window, p.features[0])?.0];
     for (which, &count) in p.features[1..].iter().enumerate() {
-        filters.push(pairs::learn_beside(crops, which, support, count)?.0);
+        filters.push(pairs::learn_difference_filters(crops, which, support, count)?.0);
     }
     let filters: Vec<_> = filters.iter().map(|f| f.view()).collect();
     let filters = concatenate(Axis(0), &filters).map_err(|e| Error::Parameter(e.to_string()))?;
@@ -124,12 +56,12 @@ pub fn learn(
         patch: p.patch,
         window: p.window,
         per_crop: p.pairs.min(most).div_ceil(crops.len().max(1)),
-        flat: FLOOR,
-        twins: true,
+        min_norm: FLOOR,
+        keep_near_duplicates: true,
         seed,
         ..PatchOptions::default()
     };
-    let pairs::Pairs { features, mut residuals, .. } = pairs::pairs_beside(crops, &filters, &p.features, &options)?;
+    let pairs::Pairs { features, mut residuals, .. } = pairs::extract_pairs(crops, &filters, &p.features, &options)?;
     if features.nrows() < p.batch.max(100) {
         let found = features.nrows();
         return Err(Error::TooLittle(format!("{found} textured patches are too few for a network: give more photos")));
@@ -143,8 +75,8 @@ pub fn learn(
     }
     let mean = weights.iter().map(|w| f64::from(*w)).sum::<f64>() / weights.len() as f64;
     weights.iter_mut().for_each(|w| *w /= mean as f32);
-    let layers = fit(x, residuals, &weights, p, rng, step)?;
-    let (side_inputs, filters_per_input) = (p.beside.clone(), p.features.clone());
+    let layers = fit_layers(x, residuals, &weights, p, rng, step)?;
+    let (side_inputs, filters_per_input) = (p.side_inputs.clone(), p.features.clone());
     Ok(Network { support, side_inputs, filters_per_input, filters, floor: FLOOR, layers })
 }
 
@@ -152,7 +84,7 @@ pub fn learn(
 ///
 /// # Errors
 /// What `step` returns.
-pub fn fit(
+pub fn fit_layers(
     mut x: Array2<f32>,
     mut t: Array2<f32>,
     weights: &[f32],
@@ -160,7 +92,7 @@ pub fn fit(
     rng: &mut ChaCha8Rng,
     step: &mut dyn FnMut(usize) -> Result<(), Error>,
 ) -> Result<Vec<Layer>, Error> {
-    // Inputs and targets of one size; the layers take it over at the end.
+    // Inputs and targets are standardised; the layers absorb means and scales at the end.
     let n = x.nrows() as f64;
     let (mut mean, mut size) = (vec![0f64; x.ncols()], vec![0f64; x.ncols()]);
     for row in x.rows() {
@@ -181,14 +113,14 @@ pub fn fit(
     t /= scale;
 
     let sizes: Vec<usize> = [x.ncols()].iter().chain(&parameters.hidden).chain([&t.ncols()]).copied().collect();
-    let mut state: Vec<Stepped> = sizes.windows(2).map(|s| Stepped::new(s[1], s[0], rng)).collect();
+    let mut state: Vec<AdamLayer> = sizes.windows(2).map(|s| AdamLayer::new(s[1], s[0], rng)).collect();
     let batches = x.nrows().div_ceil(parameters.batch);
     let total = (parameters.epochs * batches) as f32;
-    let mut done = 0;
+    let mut done = 0u64;
     for _ in 0..parameters.epochs {
-        for part in shuffled(x.nrows(), rng).chunks(parameters.batch) {
-            let gradient = gradient(&state, &x, &t, weights, part);
-            let fall = 0.02 + 0.98 * 0.5 * (1.0 + (std::f32::consts::PI * done as f32 / total).cos());
+        for part in shuffled_indices(x.nrows(), rng).chunks(parameters.batch) {
+            let gradient = network_gradient(&state, &x, &t, weights, part);
+            let fall = cosine_annealed(done as f32 / total);
             done += 1;
             for (layer, (w, b)) in state.iter_mut().zip(&gradient) {
                 layer.step(w, b, parameters.rate * fall, done);
@@ -209,46 +141,43 @@ pub fn fit(
 }
 
 /// A layer and the moments of its gradients.
-struct Stepped {
+struct AdamLayer {
     layer: Layer,
-    weights: [Array2<f32>; 2],
-    bias: [Array1<f32>; 2],
+    weights: Adam<Ix2>,
+    bias: Adam<Ix1>,
 }
 
-impl Stepped {
+impl AdamLayer {
     fn new(outputs: usize, inputs: usize, rng: &mut ChaCha8Rng) -> Self {
         let size = (2.0 / inputs as f64).sqrt();
-        let weights = Array2::from_shape_fn((outputs, inputs), |_| (size * normal(rng)) as f32);
-        let zero = Array2::zeros(weights.dim());
+        let weights = Array2::from_shape_fn((outputs, inputs), |_| (size * standard_normal(rng)) as f32);
         let bias = Array1::zeros(outputs);
-        Stepped { weights: [zero.clone(), zero], bias: [bias.clone(), bias.clone()], layer: Layer { weights, bias } }
+        AdamLayer { weights: Adam::new(weights.dim()), bias: Adam::new(outputs), layer: Layer { weights, bias } }
     }
 
-    fn step(&mut self, weights: &Array2<f32>, bias: &Array1<f32>, rate: f32, step: usize) {
-        let step = step.min(100_000) as i32;
-        let fix = [1.0 - 0.9f32.powi(step), 1.0 - 0.999f32.powi(step)];
-        let one = |p: &mut f32, m: &mut f32, v: &mut f32, &g: &f32| {
-            *m = 0.9 * *m + 0.1 * g;
-            *v = 0.999 * *v + 0.001 * g * g;
-            *p -= rate * (*m / fix[0]) / ((*v / fix[1]).sqrt() + 1e-8);
-        };
-        let [m, v] = &mut self.weights;
-        ndarray::Zip::from(&mut self.layer.weights).and(m).and(v).and(weights).for_each(one);
-        let [m, v] = &mut self.bias;
-        ndarray::Zip::from(&mut self.layer.bias).and(m).and(v).and(bias).for_each(one);
+    fn step(&mut self, weights: &Array2<f32>, bias: &Array1<f32>, rate: f32, step: u64) {
+        self.weights.step(&mut self.layer.weights, weights, rate, EPSILON, step);
+        self.bias.step(&mut self.layer.bias, bias, rate, EPSILON, step);
     }
 }
 
-/// Standard normal deviate (Box and Muller's way).
-fn normal(rng: &mut ChaCha8Rng) -> f64 {
+/// A standard normal number (Box and Muller 1958).
+fn standard_normal(rng: &mut ChaCha8Rng) -> f64 {
     let (u, v) = (1.0 - rng.random::<f64>(), rng.random::<f64>());
     (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
 }
 
+/// Gradients by weights and bias of every layer.
 type Gradient = Vec<(Array2<f32>, Array1<f32>)>;
 
 /// Mean gradient of the weighted error over the pairs of a batch.
-fn gradient(state: &[Stepped], x: &Array2<f32>, t: &Array2<f32>, weights: &[f32], batch: &[usize]) -> Gradient {
+fn network_gradient(
+    state: &[AdamLayer],
+    x: &Array2<f32>,
+    t: &Array2<f32>,
+    weights: &[f32],
+    batch: &[usize],
+) -> Gradient {
     let chunks: Vec<&[usize]> = batch.chunks(CHUNK).collect();
     let parts: Vec<Gradient> = chunks
         .par_iter()
@@ -318,14 +247,14 @@ mod tests {
     fn gradients_are_those_of_the_error() {
         let (x, t, weights) = planted(40);
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let mut state: Vec<Stepped> = [(5, 3), (4, 5), (2, 4)].map(|(o, i)| Stepped::new(o, i, &mut rng)).into();
+        let mut state: Vec<AdamLayer> = [(5, 3), (4, 5), (2, 4)].map(|(o, i)| AdamLayer::new(o, i, &mut rng)).into();
         let batch: Vec<usize> = (0..40).collect();
-        let error = |state: &[Stepped]| -> f64 {
+        let error = |state: &[AdamLayer]| -> f64 {
             let layers: Vec<Layer> = state.iter().map(|s| s.layer.clone()).collect();
             let e = output(&layers, &x) - &t;
             e.rows().into_iter().zip(&weights).map(|(r, &w)| 0.5 * f64::from(w * r.dot(&r))).sum::<f64>() / 40.0
         };
-        let found = gradient(&state, &x, &t, &weights, &batch);
+        let found = network_gradient(&state, &x, &t, &weights, &batch);
         for k in 0..3 {
             for (i, j) in [(0, 0), (1, 2), (1, 1)] {
                 let before = state[k].layer.weights[[i, j]];
@@ -347,7 +276,9 @@ mod tests {
         let run = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let mut rng = ChaCha8Rng::seed_from_u64(1);
-            pool.install(|| fit(x.clone(), t.clone(), &weights, &parameters(), &mut rng, &mut |_| Ok(())).unwrap())
+            pool.install(|| {
+                fit_layers(x.clone(), t.clone(), &weights, &parameters(), &mut rng, &mut |_| Ok(())).unwrap()
+            })
         };
         let layers = run(1);
         let e = output(&layers, &x) - &t;
@@ -361,8 +292,10 @@ mod tests {
     fn it_can_be_stopped_and_parameters_are_checked() {
         let (x, t, weights) = planted(200);
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let stopped = fit(x, t, &weights, &parameters(), &mut rng, &mut |_| Err(Error::Interrupted));
-        assert!(matches!(stopped, Err(Error::Interrupted)));
+        let stopped = fit_layers(x, t, &weights, &parameters(), &mut rng, &mut |_| {
+            Err(lenslet_core::progress::Interrupted.into())
+        });
+        assert!(matches!(stopped, Err(Error::Interrupted(_))));
         assert!(parameters().check().is_ok());
         for bad in [
             NetworkParameters { features: vec![60, 3], ..parameters() },

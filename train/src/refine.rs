@@ -1,43 +1,48 @@
 //! Joint refinement of Dl and Dh (bilevel, after Yang 2012 and Mairal 2012): min over Dl, Dh of Σ w·½‖Dhᵀφ − t‖², where
-//! φ = argmin ½‖y − Dlᵀφ‖² + λ‖φ‖₁ is what eq. (4) will give in use; the gradient goes through φ's active set.
+//! φ = argmin ½‖y − Dlᵀφ‖² + λ‖φ‖₁ is the code of eq. (4); the gradient is taken through φ's active set.
 //!
 //! On the active set A with G = Dl_A Dl_Aᵀ, e = Dhᵀφ − t, β = G⁻¹ Dh_A e and r = y − Dlᵀφ:
 //! ∂/∂Dh = φ eᵀ and ∂/∂Dl_A = β rᵀ − φ_A (Dl_Aᵀβ)ᵀ. Steps are Adam's, with atoms kept unit.
 
+use lenslet_core::linalg::{Cholesky, Par, gram};
 use lenslet_core::sparse::{self, Codes, Penalty};
-use ndarray::{Array2, ArrayView2};
+use ndarray::{Array2, ArrayView1, ArrayView2, Axis, Ix2};
 use rand::rngs::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::linear::moments;
-use super::online::shuffled;
-use super::{Error, atoms};
+use crate::atoms::normalise_atoms;
+use crate::error::Error;
+use crate::optimiser::Adam;
+use crate::order::shuffled_indices;
+use crate::regression::{solve_normal_equations, weighted_gram, weighted_product};
 
 /// Both dictionaries and the state of their steps.
 #[derive(Debug, Clone)]
-pub struct State {
+pub struct RefinementState {
     /// Dl, K×m, unit rows.
     pub low: Array2<f32>,
     /// Dh, K×p.
     pub high: Array2<f32>,
-    /// First and second moments of the gradients of Dl and Dh.
-    pub moments: [Array2<f32>; 4],
+    /// Moments of the gradients of Dl.
+    pub low_moments: Adam<Ix2>,
+    /// Moments of the gradients of Dh.
+    pub high_moments: Adam<Ix2>,
     /// Steps made.
     pub steps: u64,
 }
 
-impl State {
+impl RefinementState {
     /// Starts from given dictionaries.
     #[must_use]
     pub fn new(low: Array2<f32>, high: Array2<f32>) -> Self {
-        let zero = |a: &Array2<f32>| Array2::zeros(a.dim());
-        State { moments: [zero(&low), zero(&low), zero(&high), zero(&high)], low, high, steps: 0 }
+        let (low_moments, high_moments) = (Adam::new(low.dim()), Adam::new(high.dim()));
+        RefinementState { low, high, low_moments, high_moments, steps: 0 }
     }
 }
 
-/// Pairs as training sees them: unit features y, targets t in the same scale, weights.
+/// Pairs to fit: unit features y, targets t in the same scale, weights.
 #[derive(Debug, Clone, Copy)]
-pub struct Problem<'a> {
+pub struct RefinementProblem<'a> {
     /// N×m.
     pub signals: ArrayView2<'a, f32>,
     /// N×p.
@@ -49,11 +54,36 @@ pub struct Problem<'a> {
 }
 
 /// Pairs whose gradients are summed together; fixed, so that results do not depend on threads.
+/// Source: chosen.
 const CHUNK: usize = 128;
+
+/// Chunks in work at once: bounds the memory of their gradients.
+/// Source: chosen.
+const CHUNKS_AT_ONCE: usize = 8;
+
+/// Added to the diagonal of G: nearly parallel atoms would make β arbitrarily large.
+/// Source: chosen.
+const GRAM_RIDGE: f32 = 1e-3;
+
+/// Ridge of the least squares of Dh, as a share of the mean diagonal of Σ w·φφᵀ.
+/// Source: chosen; holds atoms that are hardly used.
+const HIGH_RIDGE: f64 = 1e-3;
+
+/// Signals coded at once in the least squares of Dh; bounds the memory of dense codes.
+/// Source: chosen.
+const CODED_AT_ONCE: usize = 16_384;
+
+/// Added to the root of Adam's second moment.
+/// Source: chosen, far below any gradient of a used atom.
+const EPSILON: f32 = 1e-12;
+
+/// Stopping tolerance of the codes, relative to the objective.
+/// Source: chosen.
+const TOLERANCE: f64 = 1e-4;
 
 /// Gradient of the weighted error by Dl and Dh, and the error (sum over pairs of w·½‖e‖²), given codes.
 #[must_use]
-pub fn gradient(
+pub fn bilevel_gradient(
     low: &Array2<f32>,
     high: &Array2<f32>,
     signals: ArrayView2<'_, f32>,
@@ -63,13 +93,13 @@ pub fn gradient(
 ) -> (Array2<f32>, Array2<f32>, f64) {
     let starts: Vec<usize> = (0..signals.nrows()).step_by(CHUNK).collect();
     let mut total = (Array2::<f32>::zeros(low.dim()), Array2::<f32>::zeros(high.dim()), 0.0);
-    for group in starts.chunks(8) {
+    for group in starts.chunks(CHUNKS_AT_ONCE) {
         let parts: Vec<(Array2<f32>, Array2<f32>, f64)> = group
             .par_iter()
             .map(|&first| {
                 let mut part = (Array2::zeros(low.dim()), Array2::zeros(high.dim()), 0.0);
                 for n in first..(first + CHUNK).min(signals.nrows()) {
-                    one(low, high, &signals, &targets, weights[n], codes, n, &mut part);
+                    add_gradient(low, high, &signals, &targets, weights[n], codes, n, &mut part);
                 }
                 part
             })
@@ -83,8 +113,9 @@ pub fn gradient(
     total
 }
 
+/// Adds the gradient and the error of pair `n` to `part`.
 #[allow(clippy::too_many_arguments)] // the inner loop's own
-fn one(
+fn add_gradient(
     low: &Array2<f32>,
     high: &Array2<f32>,
     signals: &ArrayView2<'_, f32>,
@@ -94,41 +125,22 @@ fn one(
     n: usize,
     part: &mut (Array2<f32>, Array2<f32>, f64),
 ) {
-    let active: Vec<(usize, f32)> = codes.signal(n).collect();
-    let mut e = targets.row(n).mapv(|v| -v);
-    let mut r = signals.row(n).to_owned();
-    for &(k, v) in &active {
-        e.scaled_add(v, &high.row(k));
-        r.scaled_add(-v, &low.row(k));
-    }
+    let (active, values): (Vec<usize>, Vec<f32>) = codes.signal(n).unzip();
+    let (low_active, high_active) = (low.select(Axis(0), &active), high.select(Axis(0), &active));
+    let phi = ArrayView1::from(&values);
+    let e = high_active.t().dot(&phi) - targets.row(n);
+    let r = &signals.row(n) - &low_active.t().dot(&phi);
     part.2 += 0.5 * f64::from(weight) * f64::from(e.dot(&e));
-    let s = active.len();
-    if s == 0 || weight == 0.0 {
+    if active.is_empty() || weight == 0.0 {
         return;
     }
-    // β by Cholesky with a trace of ridge: nearly parallel atoms must not blow the step up.
-    let mut l = vec![0f32; s * s];
-    let mut beta: Vec<f32> = active.iter().map(|&(k, _)| high.row(k).dot(&e)).collect();
-    for i in 0..s {
-        for j in 0..=i {
-            let g = low.row(active[i].0).dot(&low.row(active[j].0)) + if i == j { 1e-3 } else { 0.0 };
-            let head: f32 = (0..j).map(|q| l[i * s + q] * l[j * s + q]).sum();
-            l[i * s + j] = if i == j { (g - head).max(1e-6).sqrt() } else { (g - head) / l[j * s + j] };
-        }
-    }
-    for i in 0..s {
-        let head: f32 = (0..i).map(|q| l[i * s + q] * beta[q]).sum();
-        beta[i] = (beta[i] - head) / l[i * s + i];
-    }
-    for i in (0..s).rev() {
-        let tail: f32 = (i + 1..s).map(|q| l[q * s + i] * beta[q]).sum();
-        beta[i] = (beta[i] - tail) / l[i * s + i];
-    }
-    let mut back = ndarray::Array1::<f32>::zeros(low.ncols());
-    for (&(k, _), &b) in active.iter().zip(&beta) {
-        back.scaled_add(b, &low.row(k));
-    }
-    for (&(k, v), &b) in active.iter().zip(&beta) {
+    let mut gram = gram(low_active.t(), Par::Seq);
+    gram.diag_mut().mapv_inplace(|v| v + GRAM_RIDGE);
+    // A Gram matrix with a ridge is positive definite unless an atom is not finite; such a pair moves nothing.
+    let Ok(factor) = Cholesky::new(gram.view()) else { return };
+    let beta = factor.solve(high_active.dot(&e).insert_axis(Axis(1)).view()).remove_axis(Axis(1));
+    let back = low_active.t().dot(&beta);
+    for ((&k, &v), &b) in active.iter().zip(&values).zip(&beta) {
         part.1.row_mut(k).scaled_add(weight * v, &e);
         let mut row = part.0.row_mut(k);
         row.scaled_add(weight * b, &r);
@@ -136,22 +148,16 @@ fn one(
     }
 }
 
-fn codes(low: &Array2<f32>, signals: ArrayView2<'_, f32>, lambda: f32) -> Result<Codes, Error> {
+/// The codes of eq. (4).
+fn codes_of(low: &Array2<f32>, signals: ArrayView2<'_, f32>, lambda: f32) -> Result<Codes, Error> {
     let prepared = sparse::prepare(low.view())?;
-    let options = sparse::Options { penalty: Penalty::Lambda(lambda), tolerance: 1e-4, ..sparse::Options::default() };
+    let options =
+        sparse::Options { penalty: Penalty::Lambda(lambda), tolerance: TOLERANCE, ..sparse::Options::default() };
     Ok(sparse::solve(&prepared, signals, &options)?)
 }
 
-/// One Adam step of size `rate`, relative to the size of the parameter.
-fn adam(parameter: &mut Array2<f32>, m: &mut Array2<f32>, v: &mut Array2<f32>, g: &Array2<f32>, rate: f32, step: u64) {
-    let size = (parameter.iter().map(|p| p * p).sum::<f32>() / parameter.len() as f32).sqrt();
-    let step = step.min(100_000) as i32;
-    let (fix1, fix2) = (1.0 - 0.9f32.powi(step), 1.0 - 0.999f32.powi(step));
-    ndarray::Zip::from(parameter).and(m).and(v).and(g).for_each(|p, m, v, &g| {
-        *m = 0.9 * *m + 0.1 * g;
-        *v = 0.999 * *v + 0.001 * g * g;
-        *p -= rate * size * (*m / fix1) / ((*v / fix2).sqrt() + 1e-12);
-    });
+fn root_mean_square(a: &Array2<f32>) -> f32 {
+    (a.iter().map(|p| p * p).sum::<f32>() / a.len() as f32).sqrt()
 }
 
 /// One epoch over the pairs in random order; the step falls from `rates.0` to `rates.1`. Returns the mean weighted error
@@ -159,32 +165,33 @@ fn adam(parameter: &mut Array2<f32>, m: &mut Array2<f32>, v: &mut Array2<f32>, g
 ///
 /// # Errors
 /// What the solver reports.
-pub fn epoch(
-    state: &mut State,
-    problem: &Problem<'_>,
+pub fn refinement_epoch(
+    state: &mut RefinementState,
+    problem: &RefinementProblem<'_>,
     batch: usize,
     rates: (f32, f32),
     rng: &mut ChaCha8Rng,
     step: &mut dyn FnMut(usize) -> Result<(), Error>,
 ) -> Result<(f64, f64), Error> {
-    let order = shuffled(problem.signals.nrows(), rng);
+    let order = shuffled_indices(problem.signals.nrows(), rng);
     let count = order.len().div_ceil(batch.max(1));
     let (mut error, mut weight, mut nonzeros) = (0.0, 0.0, 0.0);
     for (i, part) in order.chunks(batch.max(1)).enumerate() {
-        let signals = problem.signals.select(ndarray::Axis(0), part);
-        let targets = problem.targets.select(ndarray::Axis(0), part);
+        let signals = problem.signals.select(Axis(0), part);
+        let targets = problem.targets.select(Axis(0), part);
         let weights: Vec<f32> = part.iter().map(|&n| problem.weights[n]).collect();
-        let codes = codes(&state.low, signals.view(), problem.lambda)?;
+        let codes = codes_of(&state.low, signals.view(), problem.lambda)?;
         nonzeros += codes.nonzeros() as f64 / order.len() as f64;
-        let (dl, dh, e) = gradient(&state.low, &state.high, signals.view(), targets.view(), &weights, &codes);
+        let (dl, dh, e) = bilevel_gradient(&state.low, &state.high, signals.view(), targets.view(), &weights, &codes);
         error += e;
         weight += weights.iter().map(|w| f64::from(*w)).sum::<f64>();
         state.steps += 1;
         let rate = rates.0 + (rates.1 - rates.0) * i as f32 / count as f32;
-        let [ml, vl, mh, vh] = &mut state.moments;
-        adam(&mut state.low, ml, vl, &dl, rate, state.steps);
-        adam(&mut state.high, mh, vh, &dh, rate, state.steps);
-        atoms::normalise(&mut state.low);
+        // Steps are relative to the size of what moves.
+        let (low_rate, high_rate) = (rate * root_mean_square(&state.low), rate * root_mean_square(&state.high));
+        state.low_moments.step(&mut state.low, &dl, low_rate, EPSILON, state.steps);
+        state.high_moments.step(&mut state.high, &dh, high_rate, EPSILON, state.steps);
+        normalise_atoms(&mut state.low);
         step(part.len())?;
     }
     Ok((error / weight.max(1e-30), nonzeros))
@@ -194,54 +201,54 @@ pub fn epoch(
 ///
 /// # Errors
 /// What the solver reports.
-pub fn fit_high(
+pub fn least_squares_high(
     low: &Array2<f32>,
-    problem: &Problem<'_>,
+    problem: &RefinementProblem<'_>,
     step: &mut dyn FnMut(usize) -> Result<(), Error>,
 ) -> Result<Array2<f32>, Error> {
-    const BLOCK: usize = 16_384;
     let (n, k, p) = (problem.signals.nrows(), low.nrows(), problem.targets.ncols());
     let (mut gram, mut right) = (Array2::<f64>::zeros((k, k)), Array2::<f64>::zeros((k, p)));
-    for first in (0..n).step_by(BLOCK) {
-        let rows = ndarray::s![first..(first + BLOCK).min(n), ..];
-        let codes = codes(low, problem.signals.slice(rows), problem.lambda)?;
+    for first in (0..n).step_by(CODED_AT_ONCE) {
+        let rows = ndarray::s![first..(first + CODED_AT_ONCE).min(n), ..];
+        let codes = codes_of(low, problem.signals.slice(rows), problem.lambda)?;
         let mut dense = Array2::<f32>::zeros((codes.len(), k));
         for i in 0..codes.len() {
             codes.signal(i).for_each(|(j, v)| dense[[i, j]] = v);
         }
         let weights = &problem.weights[first..first + codes.len()];
-        gram += &moments(dense.view(), dense.view(), Some(weights));
-        right += &moments(dense.view(), problem.targets.slice(rows), Some(weights));
+        gram += &weighted_gram(dense.view(), Some(weights));
+        right += &weighted_product(dense.view(), problem.targets.slice(rows), Some(weights));
         step(codes.len())?;
     }
     let mean = gram.diag().sum() / k as f64;
-    Ok(super::linear::solve(&gram, &right, 1e-3 * mean.max(1e-12))?.mapv(|v| v as f32))
+    Ok(solve_normal_equations(&gram, &right, HIGH_RIDGE * mean.max(1e-12))?.mapv(|v| v as f32))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::online::tests::planted;
+    use crate::atoms::initial_atoms;
+    use crate::planted::planted_signals;
     use rand::{RngExt, SeedableRng};
 
-    fn error(low: &Array2<f32>, high: &Array2<f32>, p: &Problem<'_>) -> f64 {
-        let c = codes(low, p.signals, p.lambda).unwrap();
-        gradient(low, high, p.signals, p.targets, p.weights, &c).2
+    fn error(low: &Array2<f32>, high: &Array2<f32>, p: &RefinementProblem<'_>) -> f64 {
+        let c = codes_of(low, p.signals, p.lambda).unwrap();
+        bilevel_gradient(low, high, p.signals, p.targets, p.weights, &c).2
     }
 
     #[test]
     fn the_gradient_is_the_difference_quotient() {
-        let (signals, _) = planted(40, 10, 8, 2, 3);
+        let (signals, _) = planted_signals(40, 10, 8, 2, 3);
         let mut rng = ChaCha8Rng::seed_from_u64(4);
-        let mut low = atoms::initial(&signals, 10, &mut rng).unwrap();
+        let mut low = initial_atoms(&signals, 10, &mut rng).unwrap();
         low.mapv_inplace(|v| v + 0.2 * (rng.random::<f32>() - 0.5));
-        atoms::normalise(&mut low);
+        normalise_atoms(&mut low);
         let high = Array2::from_shape_fn((10, 5), |_| rng.random::<f32>() - 0.5);
         let targets = Array2::from_shape_fn((40, 5), |_| rng.random::<f32>() - 0.5);
         let weights = vec![1.0f32; 40];
-        let p = Problem { signals: signals.view(), targets: targets.view(), weights: &weights, lambda: 0.2 };
-        let c = codes(&low, p.signals, p.lambda).unwrap();
-        let (dl, dh, _) = gradient(&low, &high, p.signals, p.targets, p.weights, &c);
+        let p = RefinementProblem { signals: signals.view(), targets: targets.view(), weights: &weights, lambda: 0.2 };
+        let c = codes_of(&low, p.signals, p.lambda).unwrap();
+        let (dl, dh, _) = bilevel_gradient(&low, &high, p.signals, p.targets, p.weights, &c);
         // Along the gradient itself, by Dh and by Dl (tangential, so that atoms stay unit to first order).
         let h = 2e-3 / dh.iter().map(|v| v * v).sum::<f32>().sqrt();
         let quotient =
@@ -256,7 +263,7 @@ mod tests {
         let h = 1e-3 / tangent.iter().map(|v| v * v).sum::<f32>().sqrt();
         let at = |s: f32| {
             let mut moved = &low + &(s * &tangent);
-            atoms::normalise(&mut moved);
+            normalise_atoms(&mut moved);
             error(&moved, &high, &p)
         };
         let quotient = (at(h) - at(-h)) / f64::from(2.0 * h);
@@ -266,20 +273,20 @@ mod tests {
 
     #[test]
     fn refinement_lowers_the_error() {
-        let (signals, _) = planted(3000, 16, 10, 2, 3);
+        let (signals, _) = planted_signals(3000, 16, 10, 2, 3);
         let mut rng = ChaCha8Rng::seed_from_u64(4);
         let map = Array2::from_shape_fn((10, 4), |_| rng.random::<f32>() - 0.5);
         let targets = signals.dot(&map).mapv(|v| v * v.abs());
         let weights = vec![1.0f32; 3000];
-        let p = Problem { signals: signals.view(), targets: targets.view(), weights: &weights, lambda: 0.15 };
-        let low = atoms::initial(&signals, 16, &mut rng).unwrap();
-        let high = fit_high(&low, &p, &mut |_| Ok(())).unwrap();
+        let p = RefinementProblem { signals: signals.view(), targets: targets.view(), weights: &weights, lambda: 0.15 };
+        let low = initial_atoms(&signals, 16, &mut rng).unwrap();
+        let high = least_squares_high(&low, &p, &mut |_| Ok(())).unwrap();
         let before = error(&low, &high, &p);
         let worse = error(&low, &high.mapv(|v| 1.05 * v), &p);
         assert!(worse > before);
-        let mut state = State::new(low, high);
+        let mut state = RefinementState::new(low, high);
         for _ in 0..6 {
-            epoch(&mut state, &p, 100, (0.02, 0.005), &mut rng, &mut |_| Ok(())).unwrap();
+            refinement_epoch(&mut state, &p, 100, (0.02, 0.005), &mut rng, &mut |_| Ok(())).unwrap();
         }
         let after = error(&state.low, &state.high, &p);
         assert!(after < 0.8 * before, "{after} {before}");

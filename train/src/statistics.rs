@@ -1,21 +1,24 @@
-//! What learning keeps of the signals it has coded, A = Σ ααᵀ (K×K) and B = Σ αxᵀ (K×m), and the step of the atoms on
-//! them: min over D of ½ tr(DDᵀA) − tr(DᵀB), one atom at a time (Mairal 2009, algorithm 2).
+//! Statistics of coded signals, A = Σ ααᵀ (K×K) and B = Σ αxᵀ (K×m), and the update of the atoms on them:
+//! min over D of ½ tr(DDᵀA) − tr(DᵀB), one atom at a time (Mairal 2009, algorithm 2).
 
+use lenslet_core::linalg::{Par, product};
 use lenslet_core::sparse::Codes;
 use ndarray::{Array2, ArrayView2, s};
 use rayon::prelude::*;
 
-use super::atoms;
+use crate::atoms::normalise_atoms;
 
-/// Atoms whose pull by all others is found in one product; among themselves they are corrected one by one.
+/// Atoms whose rows of A·D are found in one product; within the block they are corrected one by one.
+/// Source: chosen; speed only.
 const BLOCK: usize = 32;
 /// Smallest Σ α² with which an atom moves.
+/// Source: chosen; such an atom is as good as unused.
 const LEAST: f64 = 1e-9;
 
 /// Multiplies A and B by `fade`, adds Σ ααᵀ and Σ αxᵀ over the coded signals, and counts the uses of each atom.
 ///
 /// Every row of A and B belongs to one atom and is summed in the order of the signals, by whichever thread.
-pub fn gather(
+pub fn accumulate_statistics(
     codes: &Codes,
     signals: ArrayView2<'_, f32>,
     fade: f64,
@@ -26,7 +29,7 @@ pub fn gather(
     let (k, m) = b.dim();
     let signals = signals.as_standard_layout();
     let (Some(flat), Some(a), Some(b)) = (signals.as_slice(), a.as_slice_mut(), b.as_slice_mut()) else { return };
-    let users = users(codes, k);
+    let users = users_of_atoms(codes, k);
     let rows = a.par_chunks_mut(k).zip(b.par_chunks_mut(m)).zip(uses.par_iter_mut()).enumerate();
     rows.with_min_len(16).for_each_init(
         || (vec![0f32; k], vec![0f32; m]),
@@ -51,21 +54,21 @@ pub fn gather(
     );
 }
 
-/// Codes turned about: for each atom the signals that use it, and how much.
-pub(crate) struct Users {
+/// The transpose of codes: for each atom the signals that use it, with their coefficients.
+struct Users {
     starts: Vec<usize>,
     entries: Vec<(u32, f32)>,
 }
 
 impl Users {
     /// Signals, ascending, with their coefficient of `atom`.
-    pub(crate) fn of(&self, atom: usize) -> &[(u32, f32)] {
+    fn of(&self, atom: usize) -> &[(u32, f32)] {
         &self.entries[self.starts[atom]..self.starts[atom + 1]]
     }
 }
 
 /// The users of each of `k` atoms.
-pub(crate) fn users(codes: &Codes, k: usize) -> Users {
+fn users_of_atoms(codes: &Codes, k: usize) -> Users {
     let mut starts = vec![0usize; k + 1];
     for &atom in &codes.atoms {
         starts[atom as usize + 1] += 1;
@@ -86,14 +89,14 @@ pub(crate) fn users(codes: &Codes, k: usize) -> Users {
 
 /// One sweep of block coordinate descent on the atoms: each goes to its minimum within the unit ball, the others fixed.
 /// Atoms without use stay. At the end all are made unit, which can only lower the objective once codes follow.
-pub fn sweep(atoms: &mut Array2<f32>, a: &Array2<f64>, b: &Array2<f64>) {
+pub fn update_atoms(atoms: &mut Array2<f32>, a: &Array2<f64>, b: &Array2<f64>) {
     let (k, m) = atoms.dim();
     let a32 = a.mapv(|v| v as f32);
     let mut step = vec![0f32; m];
     for first in (0..k).step_by(BLOCK) {
         let last = (first + BLOCK).min(k);
-        // What all atoms as they are now explain of B in the rows of this block.
-        let mut pull = a32.slice(s![first..last, ..]).dot(&*atoms);
+        // The rows of A·D of this block, with the atoms as they are now.
+        let mut pull = product(a32.slice(s![first..last, ..]), atoms.view(), Par::Seq);
         for j in first..last {
             let weight = a[[j, j]];
             if !(weight > LEAST) {
@@ -121,23 +124,23 @@ pub fn sweep(atoms: &mut Array2<f32>, a: &Array2<f64>, b: &Array2<f64>) {
             }
         }
     }
-    atoms::normalise(atoms);
+    normalise_atoms(atoms);
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::online::tests::planted;
+    use crate::planted::planted_signals;
     use lenslet_core::sparse::Solver;
     use rand::SeedableRng;
     use rand::rngs::ChaCha8Rng;
 
     /// Coded signals and their statistics by the definition.
     fn coded() -> (Array2<f32>, Array2<f32>, Codes, Array2<f64>, Array2<f64>) {
-        let (signals, _) = planted(700, 90, 12, 3, 4);
+        let (signals, _) = planted_signals(700, 90, 12, 3, 4);
         let mut rng = ChaCha8Rng::seed_from_u64(3);
-        let dictionary = atoms::initial(&signals, 90, &mut rng).unwrap();
-        let (codes, _) = crate::online::code(&dictionary, signals.view(), 0.1, Solver::Auto).unwrap();
+        let dictionary = crate::atoms::initial_atoms(&signals, 90, &mut rng).unwrap();
+        let (codes, _) = crate::online::sparse_code(&dictionary, signals.view(), 0.1, Solver::Auto).unwrap();
         let dense = codes.to_dense(90).unwrap();
         let a = dense.t().dot(&dense).mapv(f64::from);
         let b = dense.t().dot(&signals).mapv(f64::from);
@@ -149,7 +152,7 @@ mod tests {
         let (signals, _, codes, a, b) = coded();
         let (mut sa, mut sb) = (Array2::from_elem((90, 90), 2.0), Array2::from_elem((90, 12), 4.0));
         let mut uses = vec![1u64; 90];
-        gather(&codes, signals.view(), 0.5, &mut sa, &mut sb, &mut uses);
+        accumulate_statistics(&codes, signals.view(), 0.5, &mut sa, &mut sb, &mut uses);
         assert!((&sa - &(&a + 1.0)).iter().all(|d| d.abs() < 1e-3));
         assert!((&sb - &(&b + 2.0)).iter().all(|d| d.abs() < 1e-3));
         assert_eq!(uses.iter().sum::<u64>(), 90 + codes.nonzeros() as u64);
@@ -173,7 +176,7 @@ mod tests {
             row /= norm;
         }
         let mut blocked = dictionary.clone();
-        sweep(&mut blocked, &a, &b);
+        update_atoms(&mut blocked, &a, &b);
         assert!((&blocked.mapv(f64::from) - &plain).iter().all(|d| d.abs() < 1e-3));
         let moved = (&blocked - &dictionary).iter().fold(0.0f32, |m, d| m.max(d.abs()));
         assert!(moved > 0.05, "{moved}");

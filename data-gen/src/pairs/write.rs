@@ -7,7 +7,8 @@ use lenslet_core::output::{self, Pending};
 use ndarray::Array2;
 use serde::Serialize;
 
-use super::{Error, Pairs};
+use super::error::Error;
+use super::extract::Pairs;
 
 /// What the pairs are.
 #[derive(Debug, Clone, Serialize)]
@@ -34,7 +35,7 @@ pub struct Manifest {
 ///
 /// # Errors
 /// When the folder exists (without `force`) or cannot be written.
-pub fn write(
+pub fn write_pairs(
     target: &Path,
     pairs: &Pairs,
     filters: &Array2<f32>,

@@ -2,9 +2,10 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use super::draw::{lines, star, text, turn};
-use super::layer::{Bounds, Sheet};
-use super::scene::{Frame, Plan, Region};
+use lenslet_core::stroke_font::is_on_text;
+
+use super::description::{Bounds, Canvas, LayerSource, Region, SceneDescription};
+use super::draw::{in_bright_sector, on_bright_line, rotate};
 
 /// Dark and bright of the resolution chart, linear light.
 const LEVELS: [f32; 2] = [0.04, 0.8];
@@ -50,9 +51,9 @@ pub const PATCHES: [[f32; 3]; 24] = [
 pub const WHITE: f32 = 0.9;
 
 /// Evenly lit white, without end.
-pub fn white() -> Plan<'static> {
-    let sheet = Sheet { disparity: [0.0; 3], bounds: None, paint: Box::new(|_, _| [WHITE, WHITE, WHITE, 1.0]) };
-    Plan { sheets: vec![sheet], regions: Vec::new() }
+pub fn white() -> SceneDescription<'static> {
+    let layer = LayerSource { disparity: [0.0; 3], bounds: None, paint: Box::new(|_, _| [WHITE, WHITE, WHITE, 1.0]) };
+    SceneDescription { layers: vec![layer], regions: Vec::new() }
 }
 
 fn region(kind: &str, bounds: Bounds) -> Region {
@@ -66,8 +67,8 @@ const BUNDLES: ([f64; 2], f64) = ([-0.25, 0.25], 0.21);
 const LETTERS: ([f64; 2], f64) = ([0.25, 0.25], 0.22);
 
 /// The resolution chart: a tile of at most about 110 pitches, repeated over the canvas.
-pub fn resolution(frame: &Frame) -> Plan<'static> {
-    let [hx, hy] = frame.half;
+pub fn resolution(canvas: &Canvas) -> SceneDescription<'static> {
+    let [hx, hy] = canvas.half;
     let side = 2.0 * hx.min(hy);
     let tile = side / (side / 110.0).round().max(1.0);
     let (columns, rows) = ((2.0 * hx / tile).round().max(1.0), (2.0 * hy / tile).round().max(1.0));
@@ -87,8 +88,8 @@ pub fn resolution(frame: &Frame) -> Plan<'static> {
             regions.extend(tile_regions(tile, [(i as f64 + 0.5) * tile - hx, (j as f64 + 0.5) * tile - hy]));
         }
     }
-    let sheet = Sheet { disparity: [frame.disparity, 0.0, 0.0], bounds: None, paint: Box::new(paint) };
-    Plan { sheets: vec![sheet], regions }
+    let layer = LayerSource { disparity: [canvas.disparity, 0.0, 0.0], bounds: None, paint: Box::new(paint) };
+    SceneDescription { layers: vec![layer], regions }
 }
 
 /// Whether the chart's tile is bright at (`x`, `y`) from its middle.
@@ -96,10 +97,10 @@ fn bright(x: f64, y: f64, tile: f64) -> bool {
     let local = |element: ([f64; 2], f64)| (x - element.0[0] * tile, y - element.0[1] * tile, element.1 * tile);
     let (u, v, radius) = local(STAR);
     if u.hypot(v) < radius {
-        return star(u, v, 36.0);
+        return in_bright_sector(u, v, 36.0);
     }
     let (u, v, half) = local(EDGE);
-    let (u, v) = turn(u, v, LEAN);
+    let (u, v) = rotate(u, v, LEAN);
     if u.abs() < half && v.abs() < half {
         return false;
     }
@@ -108,14 +109,14 @@ fn bright(x: f64, y: f64, tile: f64) -> bool {
         let (k, cu) = cell(u, half, FREQUENCIES.len());
         let (l, cv) = cell(v, half, DIRECTIONS.len());
         let (half_u, half_v) = (0.84 * half / FREQUENCIES.len() as f64, 0.84 * half / DIRECTIONS.len() as f64);
-        return !(cu.abs() < half_u && cv.abs() < half_v && lines(cu, cv, FREQUENCIES[k], DIRECTIONS[l]));
+        return !(cu.abs() < half_u && cv.abs() < half_v && on_bright_line(cu, cv, FREQUENCIES[k], DIRECTIONS[l]));
     }
     let (u, v, half) = local(LETTERS);
     let (mut top, mut height) = (-half, 0.07 * tile);
     for words in
         ["LENS", "LATTICE", "HEXAGON 37", "LIGHT FIELD 108", "RAW TO VIEWS 1080 328", "SHARP OR BLURRED 0123456789"]
     {
-        if text(u + half, v - top, words, height, 0.9) && u < half {
+        if is_on_text(u + half, v - top, words, height, 0.9) && u < half {
             return false;
         }
         top += 1.45 * height;
@@ -172,8 +173,8 @@ fn tile_regions(tile: f64, middle: [f64; 2]) -> Vec<Region> {
 }
 
 /// 24 patches, 6 by 4, on a dark ground.
-pub fn colour(frame: &Frame) -> Plan<'static> {
-    let [hx, hy] = frame.half;
+pub fn colour(canvas: &Canvas) -> SceneDescription<'static> {
+    let [hx, hy] = canvas.half;
     let size = [2.0 * hx / 6.0, 2.0 * hy / 4.0];
     let paint = move |x: f64, y: f64| {
         let (k, cx) = cell(x, hx, 6);
@@ -191,8 +192,8 @@ pub fn colour(frame: &Frame) -> Plan<'static> {
         Region { colour: Some(*colour), ..region("patch", bounds) }
     });
     let regions = regions.collect();
-    let sheet = Sheet { disparity: [frame.disparity, 0.0, 0.0], bounds: None, paint: Box::new(paint) };
-    Plan { sheets: vec![sheet], regions }
+    let layer = LayerSource { disparity: [canvas.disparity, 0.0, 0.0], bounds: None, paint: Box::new(paint) };
+    SceneDescription { layers: vec![layer], regions }
 }
 
 #[cfg(test)]
@@ -201,11 +202,11 @@ mod tests {
 
     #[test]
     fn regions_hold_what_they_say() {
-        let frame = Frame { half: [165.0, 165.0], disparity: 0.0, seed: 1 };
-        let plan = resolution(&frame);
-        let paint = &plan.sheets[0].paint;
+        let canvas = Canvas { half: [165.0, 165.0], disparity: 0.0, seed: 1 };
+        let scene = resolution(&canvas);
+        let paint = &scene.layers[0].paint;
         let mut kinds = std::collections::BTreeMap::new();
-        for region in &plan.regions {
+        for region in &scene.regions {
             *kinds.entry(region.kind.clone()).or_insert(0) += 1;
             let [left, top, right, bottom] = region.bounds;
             assert!(left >= -165.0 && top >= -165.0 && right <= 165.0 && bottom <= 165.0 && right - left > 3.0);
@@ -231,12 +232,12 @@ mod tests {
 
     #[test]
     fn every_patch_is_where_it_is_said_to_be() {
-        let plan = colour(&Frame { half: [60.0, 40.0], disparity: 0.0, seed: 1 });
-        assert_eq!(plan.regions.len(), 24);
-        for region in &plan.regions {
+        let scene = colour(&Canvas { half: [60.0, 40.0], disparity: 0.0, seed: 1 });
+        assert_eq!(scene.regions.len(), 24);
+        for region in &scene.regions {
             let [left, top, right, bottom] = region.bounds;
             for (x, y) in [(left + 0.1, top + 0.1), (right - 0.1, bottom - 0.1)] {
-                let seen = (plan.sheets[0].paint)(x, y);
+                let seen = (scene.layers[0].paint)(x, y);
                 assert_eq!(Some([seen[0], seen[1], seen[2]]), region.colour);
             }
         }

@@ -8,23 +8,8 @@
 
 use rayon::prelude::*;
 
-use super::Error;
-
-/// Paints a layer: straight (r, g, b, alpha) in linear light at a position in pitches.
-pub type Paint<'a> = dyn Fn(f64, f64) -> [f32; 4] + Sync + 'a;
-
-/// Where a layer has anything: left, top, right, bottom in pitches.
-pub type Bounds = [f64; 4];
-
-/// A layer before it is rasterised.
-pub struct Sheet<'a> {
-    /// d0, gx, gy: disparity in pitches per sensor pixel of offset, and its slope per pitch.
-    pub disparity: [f64; 3],
-    /// Nothing is painted outside (`None`: the layer has no border).
-    pub bounds: Option<Bounds>,
-    /// The picture.
-    pub paint: Box<Paint<'a>>,
-}
+use super::description::{Bounds, LayerSource};
+use super::error::Error;
 
 /// A rasterised, low-passed layer.
 #[derive(Debug, Clone)]
@@ -50,13 +35,13 @@ const NOTHING: f32 = 1.5e-7;
 const MOST_TEXELS: f64 = 32e6;
 
 impl Layer {
-    /// Rasterises `sheet` over its bounds, or over `canvas` where it has none.
+    /// Rasterises `source` over its bounds, or over `canvas` where it has none.
     ///
     /// # Errors
     /// [`Error::Parameter`] when the layer would need too many texels.
-    pub fn new(sheet: &Sheet, canvas: Bounds, footprint: f64) -> Result<Layer, Error> {
+    pub fn new(source: &LayerSource, canvas: Bounds, footprint: f64) -> Result<Layer, Error> {
         let texel = 0.8 * footprint;
-        let [left, top, right, bottom] = sheet.bounds.map_or(canvas, |b| {
+        let [left, top, right, bottom] = source.bounds.map_or(canvas, |b| {
             // Room for the blur and for the spline's support.
             let rim = 5.0 * footprint + 3.0 * texel;
             [b[0].max(canvas[0]) - rim, b[1].max(canvas[1]) - rim, b[2].min(canvas[2]) + rim, b[3].min(canvas[3]) + rim]
@@ -74,11 +59,11 @@ impl Layer {
             for (c, texel_value) in line.iter_mut().enumerate() {
                 for (dx, dy) in [(-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)] {
                     let (x, y) = (left + (c as f64 + dx) * texel, top + (r as f64 + dy) * texel);
-                    let outside = sheet.bounds.is_some_and(|b| x < b[0] || y < b[1] || x > b[2] || y > b[3]);
+                    let outside = source.bounds.is_some_and(|b| x < b[0] || y < b[1] || x > b[2] || y > b[3]);
                     if outside {
                         continue;
                     }
-                    let p = (sheet.paint)(x, y);
+                    let p = (source.paint)(x, y);
                     for k in 0..3 {
                         texel_value[k] += 0.25 * p[k] * p[3];
                     }
@@ -102,8 +87,8 @@ impl Layer {
             }
         }
         Ok(Layer {
-            disparity: sheet.disparity,
-            bounded: sheet.bounds.is_some(),
+            disparity: source.disparity,
+            bounded: source.bounds.is_some(),
             origin: [left, top],
             per_pitch: 1.0 / texel,
             columns,
@@ -217,11 +202,12 @@ fn blur(texels: &mut [[f32; 4]], columns: usize, rows: usize, sigma: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simulate::description::Paint;
 
     const CANVAS: Bounds = [-20.0, -20.0, 20.0, 20.0];
 
     fn layer(disparity: [f64; 3], bounds: Option<Bounds>, paint: Box<Paint<'static>>) -> Layer {
-        Layer::new(&Sheet { disparity, bounds, paint }, CANVAS, 0.25).unwrap()
+        Layer::new(&LayerSource { disparity, bounds, paint }, CANVAS, 0.25).unwrap()
     }
 
     #[test]
@@ -302,7 +288,7 @@ mod tests {
 
     #[test]
     fn too_large_a_layer_is_refused() {
-        let sheet = Sheet { disparity: [0.0; 3], bounds: None, paint: Box::new(|_, _| [0.0; 4]) };
-        assert!(matches!(Layer::new(&sheet, [-1e5, -1e5, 1e5, 1e5], 0.25), Err(Error::Parameter(_))));
+        let source = LayerSource { disparity: [0.0; 3], bounds: None, paint: Box::new(|_, _| [0.0; 4]) };
+        assert!(matches!(Layer::new(&source, [-1e5, -1e5, 1e5, 1e5], 0.25), Err(Error::Parameter(_))));
     }
 }

@@ -1,125 +1,14 @@
 //! Scenes: what there is to see, as layers from front to back, each with its disparity.
 
-use std::str::FromStr;
-
 use lenslet_core::progress::Observer;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use super::camera::Camera;
-use super::layer::{Bounds, Layer, Sheet};
-use super::{Error, chart, painting};
-
-/// A scene by name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Kind {
-    /// Wall, table, poster, leaves and wires at several depths.
-    Natural,
-    /// Four textured planes at even steps of disparity, overlapping.
-    Planes,
-    /// One textured plane whose disparity runs from one side to the other.
-    Slanted,
-    /// Thin bars and wires in front of a textured wall.
-    Occluders,
-    /// Resolution chart on one plane: sector star, line pairs, slanted edge, letters.
-    Chart,
-    /// Colour chart of 24 known patches, disparity 0 unless asked otherwise.
-    Colour,
-    /// Evenly lit white.
-    White,
-    /// One textured plane, disparity 0 unless asked otherwise.
-    Flat,
-}
-
-impl Kind {
-    /// All of them.
-    pub const ALL: [Kind; 8] = [
-        Kind::Natural,
-        Kind::Planes,
-        Kind::Slanted,
-        Kind::Occluders,
-        Kind::Chart,
-        Kind::Colour,
-        Kind::White,
-        Kind::Flat,
-    ];
-
-    /// Name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Kind::Natural => "natural",
-            Kind::Planes => "planes",
-            Kind::Slanted => "slanted",
-            Kind::Occluders => "occluders",
-            Kind::Chart => "chart",
-            Kind::Colour => "colour",
-            Kind::White => "white",
-            Kind::Flat => "flat",
-        }
-    }
-
-    /// Largest disparity where none is asked for, in pitches per sensor pixel.
-    pub fn usual_disparity(self) -> f64 {
-        match self {
-            Kind::Natural | Kind::Planes | Kind::Slanted | Kind::Occluders => 0.3,
-            Kind::Chart => 0.15,
-            Kind::Colour | Kind::White | Kind::Flat => 0.0,
-        }
-    }
-}
-
-impl FromStr for Kind {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        Kind::ALL.into_iter().find(|k| k.name() == text).ok_or_else(|| {
-            let names: Vec<_> = Kind::ALL.iter().map(|k| k.name()).collect();
-            format!("no scene is named {text:?}; there are {}", names.join(", "))
-        })
-    }
-}
-
-/// Something of the scene whose place tests and scores need: a patch of known colour, an edge, a line pattern.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Region {
-    /// What it is: `patch`, `edge`, `lines`, `star`, `letters`.
-    pub kind: String,
-    /// Left, top, right, bottom as shares of the width and height of the central view.
-    pub bounds: [f64; 4],
-    /// Line pairs a lenslet pitch (`lines`).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub frequency: Option<f64>,
-    /// Direction across the lines or the edge, radians from x, clockwise on screen.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub angle: Option<f64>,
-    /// Linear sRGB (`patch`); dark and bright level in `levels` otherwise.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub colour: Option<[f32; 3]>,
-    /// Dark and bright level, linear light.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub levels: Option<[f32; 2]>,
-}
-
-/// A scene before it is rasterised: sheets from front to back.
-#[derive(Default)]
-pub struct Plan<'a> {
-    /// Front first; the last has no border and is opaque.
-    pub sheets: Vec<Sheet<'a>>,
-    /// Known things, bounds in pitches from the sensor's centre (turned into shares by [`Scene::new`]).
-    pub regions: Vec<Region>,
-}
-
-/// What is around a plan: half the canvas in pitches, the largest disparity, the seed.
-#[derive(Debug, Clone, Copy)]
-pub struct Frame {
-    /// Half the canvas (x, y) in pitches.
-    pub half: [f64; 2],
-    /// Largest disparity, pitches per sensor pixel.
-    pub disparity: f64,
-    /// Seed of all randomness in the pictures.
-    pub seed: u32,
-}
+use super::description::{Bounds, Canvas, Region, SceneDescription};
+use super::error::Error;
+use super::layer::Layer;
+use super::scene_name::SceneName;
+use super::{chart, painting};
 
 /// A rasterised scene, ready to be looked at from any view.
 #[derive(Debug, Clone)]
@@ -149,85 +38,86 @@ const MOST_LAYERS: usize = 32;
 
 impl Scene {
     /// Draws the named scene for `camera`. `disparity`: the largest one in lenslet pitches per sensor pixel of offset
-    /// (−1..=1; `None`: [`Kind::usual_disparity`]).
+    /// (−1..=1; `None`: [`SceneName::default_disparity`]).
     ///
     /// # Errors
     /// [`Error::Parameter`] for values out of range, [`Error::Interrupted`] when the observer says so.
     pub fn named(
-        kind: Kind,
+        name: SceneName,
         camera: &Camera,
         disparity: Option<f64>,
         seed: u64,
         observer: &dyn Observer,
     ) -> Result<Scene, Error> {
-        let disparity = disparity.unwrap_or(kind.usual_disparity());
-        let frame = Frame::new(camera, disparity, seed)?;
-        let plan = match kind {
-            Kind::Natural => painting::natural(&frame),
-            Kind::Planes => painting::planes(&frame),
-            Kind::Slanted => painting::slanted(&frame),
-            Kind::Occluders => painting::occluders(&frame),
-            Kind::Flat => painting::flat(&frame),
-            Kind::White => chart::white(),
-            Kind::Chart => chart::resolution(&frame),
-            Kind::Colour => chart::colour(&frame),
+        let disparity = disparity.unwrap_or(name.default_disparity());
+        let canvas = Canvas::new(camera, disparity, seed)?;
+        let description = match name {
+            SceneName::Natural => painting::natural(&canvas),
+            SceneName::Planes => painting::planes(&canvas),
+            SceneName::Slanted => painting::slanted(&canvas),
+            SceneName::Occluders => painting::occluders(&canvas),
+            SceneName::Flat => painting::flat(&canvas),
+            SceneName::White => chart::white(),
+            SceneName::Chart => chart::resolution(&canvas),
+            SceneName::Colour => chart::colour(&canvas),
         };
-        Scene::new(kind.name(), camera, &frame, &plan, observer)
+        Scene::from_description(name.name(), camera, &canvas, &description, observer)
     }
 
-    /// Rasterises a plan.
+    /// Rasterises a description.
     ///
     /// # Errors
     /// As [`Scene::named`].
-    pub fn new(
+    pub fn from_description(
         name: &str,
         camera: &Camera,
-        frame: &Frame,
-        plan: &Plan,
+        canvas: &Canvas,
+        description: &SceneDescription,
         observer: &dyn Observer,
     ) -> Result<Scene, Error> {
         camera.check()?;
-        if plan.sheets.len() > MOST_LAYERS {
-            return Err(Error::Parameter(format!("{} layers are too many: at most {MOST_LAYERS}", plan.sheets.len())));
+        if description.layers.len() > MOST_LAYERS {
+            return Err(Error::Parameter(format!(
+                "{} layers are too many: at most {MOST_LAYERS}",
+                description.layers.len()
+            )));
         }
         // A pixel of a neighbouring lenslet looks past the canvas by its disparity times its offset.
-        let rim = frame.disparity.abs() * camera.pitch + 3.0;
-        let canvas: Bounds = [-frame.half[0] - rim, -frame.half[1] - rim, frame.half[0] + rim, frame.half[1] + rim];
-        observer.begin("scene", plan.sheets.len() as u64);
-        let mut layers = Vec::with_capacity(plan.sheets.len());
-        for sheet in &plan.sheets {
-            if observer.cancelled() {
-                return Err(Error::Interrupted);
-            }
-            layers.push(Layer::new(sheet, canvas, camera.footprint)?);
+        let rim = canvas.disparity.abs() * camera.lenslets.pitch + 3.0;
+        let extent: Bounds = [-canvas.half[0] - rim, -canvas.half[1] - rim, canvas.half[0] + rim, canvas.half[1] + rim];
+        observer.begin("scene", description.layers.len() as u64);
+        let mut layers = Vec::with_capacity(description.layers.len());
+        for source in &description.layers {
+            observer.check()?;
+            layers.push(Layer::new(source, extent, camera.optics.footprint)?);
             observer.advance(1);
         }
         // Offsets within a lenslet, corners and blur included.
-        let reach = 0.75 * camera.pitch + 4.0;
-        let across = ((canvas[2] - canvas[0]) / CELL).ceil() as usize;
-        let down = ((canvas[3] - canvas[1]) / CELL).ceil() as usize;
+        let reach = 0.75 * camera.lenslets.pitch + 4.0;
+        let across = ((extent[2] - extent[0]) / CELL).ceil() as usize;
+        let down = ((extent[3] - extent[1]) / CELL).ceil() as usize;
         let mut cells = vec![0u32; across * down];
         cells.par_iter_mut().enumerate().for_each(|(k, cell)| {
-            let (x, y) = (canvas[0] + (k % across) as f64 * CELL, canvas[1] + (k / across) as f64 * CELL);
+            let (x, y) = (extent[0] + (k % across) as f64 * CELL, extent[1] + (k / across) as f64 * CELL);
             for (n, layer) in layers.iter().enumerate() {
                 *cell |= u32::from(layer.reaches([x, y, x + CELL, y + CELL], reach)) << n;
             }
         });
-        let share = |value: f64, axis: usize| (value + frame.half[axis]) / (2.0 * frame.half[axis]);
-        let regions = plan.regions.iter().map(|region| {
+        let share = |value: f64, axis: usize| (value + canvas.half[axis]) / (2.0 * canvas.half[axis]);
+        let regions = description.regions.iter().map(|region| {
             let [left, top, right, bottom] = region.bounds;
             Region { bounds: [share(left, 0), share(top, 1), share(right, 0), share(bottom, 1)], ..region.clone() }
         });
         Ok(Scene {
             name: name.to_owned(),
-            disparity: frame.disparity,
+            disparity: canvas.disparity,
             regions: regions.collect(),
-            pitch: camera.pitch,
+            pitch: camera.lenslets.pitch,
             centre: [(camera.sensor.0 as f64 - 1.0) / 2.0, (camera.sensor.1 as f64 - 1.0) / 2.0],
             layers,
             cells,
             across,
-            corner: [canvas[0], canvas[1]],
+            corner: [extent[0], extent[1]],
             reach,
         })
     }
@@ -283,23 +173,6 @@ impl Scene {
     }
 }
 
-impl Frame {
-    /// The frame of `camera`'s sensor.
-    ///
-    /// # Errors
-    /// [`Error::Parameter`] when the disparity is not in −1..=1.
-    pub fn new(camera: &Camera, disparity: f64, seed: u64) -> Result<Frame, Error> {
-        camera.check()?;
-        if !(-1.0..=1.0).contains(&disparity) {
-            return Err(Error::Parameter(format!(
-                "the disparity must lie in -1..=1 pitches per step, not {disparity}"
-            )));
-        }
-        let half = [camera.sensor.0 as f64 / (2.0 * camera.pitch), camera.sensor.1 as f64 / (2.0 * camera.pitch)];
-        Ok(Frame { half, disparity, seed: (seed ^ (seed >> 32)) as u32 })
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use lenslet_core::progress::Silent;
@@ -312,33 +185,33 @@ mod tests {
 
     #[test]
     fn leaving_out_hidden_layers_changes_nothing() {
-        for kind in Kind::ALL {
-            let scene = Scene::named(kind, &camera(), Some(0.3), 5, &Silent).unwrap();
+        for name in SceneName::ALL {
+            let scene = Scene::named(name, &camera(), Some(0.3), 5, &Silent).unwrap();
             let mut all = scene.clone();
             all.reach = -1.0;
             for k in 0..3000u32 {
                 let (x, y) = (f64::from(k % 61) * 5.0 - 1.0, f64::from(k / 61) * 5.5 - 1.0);
                 let delta = [f64::from(k % 7) - 3.0, f64::from(k % 5) * 1.5 - 3.0];
                 let (fast, plain) = (scene.sample(x, y, delta), all.sample(x, y, delta));
-                assert!(fast.iter().zip(&plain).all(|(a, b)| (a - b).abs() < 1e-5), "{kind:?} {fast:?} {plain:?}");
+                assert!(fast.iter().zip(&plain).all(|(a, b)| (a - b).abs() < 1e-5), "{name:?} {fast:?} {plain:?}");
             }
         }
     }
 
     #[test]
     fn every_scene_is_opaque_within_its_range_and_follows_the_seed() {
-        for kind in Kind::ALL {
-            let make = |seed| Scene::named(kind, &camera(), None, seed, &Silent).unwrap();
+        for name in SceneName::ALL {
+            let make = |seed| Scene::named(name, &camera(), None, seed, &Silent).unwrap();
             let (scene, again, other) = (make(5), make(5), make(6));
             let mut differs = false;
             for k in 0..2000u32 {
                 let (x, y) = (f64::from(k % 50) * 6.0, f64::from(k / 50) * 6.5);
                 let seen = scene.sample(x, y, [2.0, -1.0]);
-                assert!(seen.iter().all(|v| (0.0..=0.96).contains(v)), "{kind:?} {seen:?}");
+                assert!(seen.iter().all(|v| (0.0..=0.96).contains(v)), "{name:?} {seen:?}");
                 assert_eq!(seen, again.sample(x, y, [2.0, -1.0]));
                 differs |= seen != other.sample(x, y, [2.0, -1.0]);
             }
-            assert_eq!(differs, !matches!(kind, Kind::White | Kind::Chart | Kind::Colour), "{kind:?}");
+            assert_eq!(differs, !matches!(name, SceneName::White | SceneName::Chart | SceneName::Colour), "{name:?}");
         }
     }
 
@@ -346,8 +219,8 @@ mod tests {
     fn disparity_says_where_a_point_goes() {
         // What view u shows at x + d·u is what the central view shows at x, wherever nothing hides it.
         let camera = camera();
-        for kind in [Kind::Flat, Kind::Slanted, Kind::Planes, Kind::Natural] {
-            let scene = Scene::named(kind, &camera, Some(0.2), 5, &Silent).unwrap();
+        for name in [SceneName::Flat, SceneName::Slanted, SceneName::Planes, SceneName::Natural] {
+            let scene = Scene::named(name, &camera, Some(0.2), 5, &Silent).unwrap();
             let (mut same, mut all) = (0, 0);
             for k in 0..2500u32 {
                 let (x, y) = (30.0 + f64::from(k % 50) * 4.8, 30.0 + f64::from(k / 50) * 4.0);
@@ -356,8 +229,8 @@ mod tests {
                 all += 1;
                 same += usize::from(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 0.01));
             }
-            let needed = if matches!(kind, Kind::Flat | Kind::Slanted) { 1.0 } else { 0.6 };
-            assert!(same as f64 >= needed * f64::from(all), "{kind:?}: {same} of {all}");
+            let needed = if matches!(name, SceneName::Flat | SceneName::Slanted) { 1.0 } else { 0.6 };
+            assert!(same as f64 >= needed * f64::from(all), "{name:?}: {same} of {all}");
         }
     }
 
@@ -365,10 +238,10 @@ mod tests {
     fn wrong_values_are_refused() {
         for disparity in [2.0, f64::NAN, f64::INFINITY] {
             assert!(matches!(
-                Scene::named(Kind::Flat, &camera(), Some(disparity), 1, &Silent),
+                Scene::named(SceneName::Flat, &camera(), Some(disparity), 1, &Silent),
                 Err(Error::Parameter(_))
             ));
         }
-        assert!("nothing".parse::<Kind>().is_err() && "natural".parse() == Ok(Kind::Natural));
+        assert!("nothing".parse::<SceneName>().is_err() && "natural".parse() == Ok(SceneName::Natural));
     }
 }

@@ -11,15 +11,17 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::Error;
-use super::camera::{Camera, Lenslets, normal};
+use super::camera::Camera;
+use super::error::Error;
+use super::lenslets::Lenslets;
 use super::scene::Scene;
+use crate::random::normal_pair;
 
 /// The light on every pixel under an even white scene, 1 at the brightest lenslet centres; row-major.
 pub fn white_pattern(camera: &Camera, lenslets: &Lenslets) -> Vec<f32> {
     let (w, h) = camera.sensor;
-    let reach = (4.0 * camera.psf).ceil() as usize;
-    let kernel = gaussian(camera.psf, reach);
+    let reach = (4.0 * camera.optics.psf).ceil() as usize;
+    let kernel = gaussian(camera.optics.psf, reach);
     // The pixel's own extent: 3×3 positions.
     let pixel = |x: f64, y: f64, light: &dyn Fn(f64, f64) -> f64| {
         let mut sum = 0.0;
@@ -35,7 +37,7 @@ pub fn white_pattern(camera: &Camera, lenslets: &Lenslets) -> Vec<f32> {
     for (j, wy) in kernel.iter().enumerate() {
         for (i, wx) in kernel.iter().enumerate() {
             let (x, y) = (i as f64 - reach as f64, j as f64 - reach as f64);
-            full += f64::from(*wx) * f64::from(*wy) * pixel(x, y, &|x, y| camera.light(x * x + y * y));
+            full += f64::from(*wx) * f64::from(*wy) * pixel(x, y, &|x, y| camera.light_at(x * x + y * y));
         }
     }
     let scale = (1.0 / full.max(1e-6)) as f32;
@@ -44,7 +46,7 @@ pub fn white_pattern(camera: &Camera, lenslets: &Lenslets) -> Vec<f32> {
     across.par_chunks_mut(w).enumerate().for_each(|(r, line)| {
         let y = r as f64 - reach as f64;
         let wide: Vec<f32> = (0..w + 2 * reach)
-            .map(|c| pixel(c as f64 - reach as f64, y, &|x, y| camera.light(lenslets.nearest(x, y).1)) as f32)
+            .map(|c| pixel(c as f64 - reach as f64, y, &|x, y| camera.light_at(lenslets.nearest(x, y).1)) as f32)
             .collect();
         for (c, value) in line.iter_mut().enumerate() {
             *value = kernel.iter().zip(&wide[c..]).map(|(k, v)| k * v).sum();
@@ -58,7 +60,7 @@ pub fn white_pattern(camera: &Camera, lenslets: &Lenslets) -> Vec<f32> {
             }
         }
         for (x, value) in line.iter_mut().enumerate() {
-            *value *= scale * camera.field(x as f64, y as f64) as f32;
+            *value *= scale * camera.vignetting_at(x as f64, y as f64) as f32;
         }
     });
     pattern
@@ -78,7 +80,7 @@ fn gaussian(sigma: f64, reach: usize) -> Vec<f32> {
 ///
 /// # Errors
 /// [`Error::Interrupted`].
-pub fn expose(
+pub fn expose_scene(
     camera: &Camera,
     lenslets: &Lenslets,
     scene: &Scene,
@@ -86,9 +88,9 @@ pub fn expose(
     observer: &dyn Observer,
 ) -> Result<Vec<f32>, Error> {
     let (w, h) = camera.sensor;
-    let responses = camera.responses();
+    let responses = camera.response.filter_responses();
     // Three-point Gauss–Hermite rule of the pixel's and the blur's variance together.
-    let reach = (3.0 * (1.0 / 12.0 + camera.psf * camera.psf)).sqrt();
+    let reach = (3.0 * (1.0 / 12.0 + camera.optics.psf * camera.optics.psf)).sqrt();
     let rule = [(-reach, 1.0 / 6.0), (0.0, 2.0 / 3.0), (reach, 1.0 / 6.0)];
     let mut signal = pattern.to_vec();
     observer.begin("capture", h as u64);
@@ -102,7 +104,7 @@ pub fn expose(
                 for (dx, wx) in rule {
                     let (px, py) = (x as f64 + dx, y as f64 + dy);
                     let (c, d2) = lenslets.nearest(px, py);
-                    let weight = (wx * wy * camera.light(d2)) as f32;
+                    let weight = (wx * wy * camera.light_at(d2)) as f32;
                     let colour = scene.sample(c[0], c[1], [px - c[0], py - c[1]]);
                     for k in 0..3 {
                         sum[k] += weight * colour[k];
@@ -110,13 +112,14 @@ pub fn expose(
                     total += weight;
                 }
             }
-            let response = responses[camera.cfa.plane(x, y)];
+            let response = responses[camera.response.cfa.plane(x, y)];
             let seen = (response[0] * sum[0] + response[1] * sum[1] + response[2] * sum[2]) / total.max(1e-6);
             *value *= seen;
         }
         observer.advance(1);
     });
-    if observer.cancelled() { Err(Error::Interrupted) } else { Ok(signal) }
+    observer.check()?;
+    Ok(signal)
 }
 
 /// Share of full scale behind every pixel of a white image.
@@ -125,7 +128,7 @@ pub fn expose_white(camera: &Camera, pattern: &[f32]) -> Vec<f32> {
     let mut signal = pattern.to_vec();
     signal.par_chunks_mut(w).enumerate().for_each(|(y, line)| {
         for (x, value) in line.iter_mut().enumerate() {
-            *value *= camera.white_response[camera.cfa.colour(x, y)] as f32;
+            *value *= camera.response.white_response[camera.response.cfa.colour(x, y)] as f32;
         }
     });
     signal
@@ -134,9 +137,9 @@ pub fn expose_white(camera: &Camera, pattern: &[f32]) -> Vec<f32> {
 /// Shares of full scale → digital numbers, with noise of strength `noise` (0: none; 1: one electron a DN and 3 DN of read
 /// noise of a sensor that saturates at 4095 DN, less in proportion for others). The noise depends on `seed`, `frame` and the
 /// row only, not on threads.
-pub fn record(signal: &[f32], camera: &Camera, noise: f64, seed: u64, frame: u32) -> RawMosaic {
+pub fn record_mosaic(signal: &[f32], camera: &Camera, noise: f64, seed: u64, frame: u32) -> RawMosaic {
     let (w, h) = camera.sensor;
-    let [black, white] = camera.levels.map(f64::from);
+    let [black, white] = camera.response.levels.map(f64::from);
     // What one of the 4095 steps of a 12-bit sensor is here.
     let unit = (white - black) / (4095.0 - 168.0);
     let mut data = vec![0u16; w * h];
@@ -144,7 +147,7 @@ pub fn record(signal: &[f32], camera: &Camera, noise: f64, seed: u64, frame: u32
         let mut generator = ChaCha8Rng::seed_from_u64(seed ^ 0x6e6f_6973_6521);
         generator.set_stream((u64::from(frame) << 32) | y as u64);
         for (to, from) in line.chunks_mut(2).zip(signal.chunks(2)) {
-            let pair = if noise > 0.0 { normal(&mut generator) } else { [0.0; 2] };
+            let pair = if noise > 0.0 { normal_pair(&mut generator) } else { [0.0; 2] };
             for ((to, from), n) in to.iter_mut().zip(from).zip(pair) {
                 let light = f64::from(*from) * (white - black);
                 let spread = noise * unit * (light.max(0.0) / unit + 9.0).sqrt();
@@ -160,10 +163,11 @@ mod tests {
     use lenslet_core::progress::Silent;
 
     use super::*;
-    use crate::simulate::Kind;
+    use crate::simulate::{LensletGrid, SceneName, SensorResponse};
 
     fn camera() -> Camera {
-        Camera { sensor: (160, 120), rotation: 0.03, jitter: 0.2, ..Camera::default() }
+        let lenslets = LensletGrid { rotation: 0.03, jitter: 0.2, ..LensletGrid::default() };
+        Camera { sensor: (160, 120), lenslets, ..Camera::default() }
     }
 
     /// Mean of `of` over a pixel and its optical blur, by brute force.
@@ -171,9 +175,9 @@ mod tests {
         let n = 41;
         for j in 0..n {
             for i in 0..n {
-                let place = |k: i32| 4.0 * camera.psf.max(0.01) * (f64::from(k) / 20.0 - 1.0);
+                let place = |k: i32| 4.0 * camera.optics.psf.max(0.01) * (f64::from(k) / 20.0 - 1.0);
                 let (bx, by) = (place(i), place(j));
-                let weight = (-(bx * bx + by * by) / (2.0 * camera.psf * camera.psf)).exp();
+                let weight = (-(bx * bx + by * by) / (2.0 * camera.optics.psf * camera.optics.psf)).exp();
                 for k in 0..9 {
                     let (px, py) = (f64::from(k % 3 - 1) / 3.0, f64::from(k / 3 - 1) / 3.0);
                     of(x + bx + px, y + by + py, weight);
@@ -195,11 +199,11 @@ mod tests {
             });
             sum / total
         };
-        let full = brute(0.0, 0.0, &|x, y| camera.light(x * x + y * y));
+        let full = brute(0.0, 0.0, &|x, y| camera.light_at(x * x + y * y));
         for k in 0..60usize {
             let (x, y) = (k * 7 % 160, k * 13 % 120);
-            let light = brute(x as f64, y as f64, &|x, y| camera.light(lenslets.nearest(x, y).1));
-            let expected = light / full * camera.field(x as f64, y as f64);
+            let light = brute(x as f64, y as f64, &|x, y| camera.light_at(lenslets.nearest(x, y).1));
+            let expected = light / full * camera.vignetting_at(x as f64, y as f64);
             let got = f64::from(pattern[y * 160 + x]);
             assert!((got - expected).abs() < 0.01, "{x} {y}: {got} {expected}");
         }
@@ -212,9 +216,9 @@ mod tests {
         let camera = camera();
         let lenslets = Lenslets::new(&camera, 1).unwrap();
         let pattern = white_pattern(&camera, &lenslets);
-        let scene = Scene::named(Kind::Flat, &camera, Some(0.2), 4, &Silent).unwrap();
-        let signal = expose(&camera, &lenslets, &scene, &pattern, &Silent).unwrap();
-        let responses = camera.responses();
+        let scene = Scene::named(SceneName::Flat, &camera, Some(0.2), 4, &Silent).unwrap();
+        let signal = expose_scene(&camera, &lenslets, &scene, &pattern, &Silent).unwrap();
+        let responses = camera.response.filter_responses();
         let (mut worst, mut squares) = (0f64, 0.0);
         for k in 0..150usize {
             let (x, y) = (k * 7 % 160, k * 13 % 120);
@@ -222,11 +226,11 @@ mod tests {
             plain(&camera, x as f64, y as f64, &mut |px, py, w| {
                 let (c, d2) = lenslets.nearest(px, py);
                 let seen = scene.sample(c[0], c[1], [px - c[0], py - c[1]]);
-                let w = w * camera.light(d2);
+                let w = w * camera.light_at(d2);
                 (0..3).for_each(|k| sum[k] += w * f64::from(seen[k]));
                 total += w;
             });
-            let response = responses[camera.cfa.plane(x, y)];
+            let response = responses[camera.response.cfa.plane(x, y)];
             let expected =
                 f64::from(pattern[y * 160 + x]) * (0..3).map(|k| f64::from(response[k]) * sum[k] / total).sum::<f64>();
             let error = (f64::from(signal[y * 160 + x]) - expected).abs();
@@ -241,20 +245,23 @@ mod tests {
     fn noise_has_the_strength_asked_for_and_black_and_white_hold() {
         let camera = Camera { sensor: (200, 200), ..Camera::default() };
         let signal = vec![0.25f32; 200 * 200];
-        let still = record(&signal, &camera, 0.0, 1, 0);
+        let still = record_mosaic(&signal, &camera, 0.0, 1, 0);
         assert!(still.data.iter().all(|v| *v == (168.0f32 + 0.25 * 3927.0).round() as u16));
-        let noisy = record(&signal, &camera, 0.7, 1, 0);
+        let noisy = record_mosaic(&signal, &camera, 0.7, 1, 0);
         let n = noisy.data.len() as f64;
         let mean = noisy.data.iter().map(|v| f64::from(*v)).sum::<f64>() / n;
         let deviation = (noisy.data.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>() / n).sqrt();
         let expected = 0.7 * (0.25f64 * 3927.0 + 9.0).sqrt();
         assert!((mean - 1149.75).abs() < 0.5 && (deviation / expected - 1.0).abs() < 0.03, "{mean} {deviation}");
-        assert_eq!(noisy, record(&signal, &camera, 0.7, 1, 0));
-        assert_ne!(noisy, record(&signal, &camera, 0.7, 1, 1));
-        let tiny = |levels| Camera { sensor: (2, 2), levels, ..Camera::default() };
-        assert!(record(&[2.0; 4], &tiny([168, 4095]), 0.0, 1, 0).data.iter().all(|v| *v == 4095));
-        assert!(record(&[2.0; 4], &tiny([64, 1023]), 0.0, 1, 0).data.iter().all(|v| *v == 1023));
-        assert!(record(&[0.0; 4], &tiny([64, 1023]), 0.0, 1, 0).data.iter().all(|v| *v == 64));
-        assert!(record(&[-2.0; 4], &tiny([168, 4095]), 0.0, 1, 0).data.iter().all(|v| *v == 0));
+        assert_eq!(noisy, record_mosaic(&signal, &camera, 0.7, 1, 0));
+        assert_ne!(noisy, record_mosaic(&signal, &camera, 0.7, 1, 1));
+        let tiny = |levels| {
+            let response = SensorResponse { levels, ..SensorResponse::default() };
+            Camera { sensor: (2, 2), response, ..Camera::default() }
+        };
+        assert!(record_mosaic(&[2.0; 4], &tiny([168, 4095]), 0.0, 1, 0).data.iter().all(|v| *v == 4095));
+        assert!(record_mosaic(&[2.0; 4], &tiny([64, 1023]), 0.0, 1, 0).data.iter().all(|v| *v == 1023));
+        assert!(record_mosaic(&[0.0; 4], &tiny([64, 1023]), 0.0, 1, 0).data.iter().all(|v| *v == 64));
+        assert!(record_mosaic(&[-2.0; 4], &tiny([168, 4095]), 0.0, 1, 0).data.iter().all(|v| *v == 0));
     }
 }

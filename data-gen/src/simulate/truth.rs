@@ -14,7 +14,7 @@ pub fn output_size(camera: &Camera, size: usize) -> (usize, usize) {
 }
 
 /// Offset (x, y) in sensor pixels of the view in row and column `[v, u]` (counted from 0) of `n`×`n`.
-pub fn offset(view: [usize; 2], n: usize, view_step: f64) -> [f64; 2] {
+pub fn view_offset(view: [usize; 2], n: usize, view_step: f64) -> [f64; 2] {
     let middle = (n / 2) as f64;
     [(view[1] as f64 - middle) * view_step, (view[0] as f64 - middle) * view_step]
 }
@@ -24,10 +24,10 @@ pub fn offset(view: [usize; 2], n: usize, view_step: f64) -> [f64; 2] {
 ///
 /// The mean over a square is 2/3 of its middle and 1/12 of each corner: exact for polynomials up to the third degree, and
 /// corners serve four squares. A pixel is cut into squares of at most 0.4 pitches, over which the low-passed scene is smooth.
-pub fn view(scene: &Scene, camera: &Camera, delta: [f64; 2], size: (usize, usize)) -> Array3<f32> {
+pub fn true_view(scene: &Scene, camera: &Camera, delta: [f64; 2], size: (usize, usize)) -> Array3<f32> {
     let (w, h) = size;
     let step = [camera.sensor.0 as f64 / w as f64, camera.sensor.1 as f64 / h as f64];
-    let m = (step[0].max(step[1]) / (0.4 * camera.pitch)).ceil().clamp(1.0, 64.0) as usize;
+    let m = (step[0].max(step[1]) / (0.4 * camera.lenslets.pitch)).ceil().clamp(1.0, 64.0) as usize;
     let cell = [step[0] / m as f64, step[1] / m as f64];
     let share = 1.0 / (m * m) as f32;
     // One line of squares' middles, or of their corners, at sensor row y.
@@ -66,7 +66,7 @@ pub fn view(scene: &Scene, camera: &Camera, delta: [f64; 2], size: (usize, usize
 const BAND: usize = 16;
 
 /// Disparity of the central view, shape (t, s), output pixels per view step.
-pub fn disparity(scene: &Scene, camera: &Camera, view_step: f64, size: (usize, usize)) -> Array2<f32> {
+pub fn true_disparity(scene: &Scene, camera: &Camera, view_step: f64, size: (usize, usize)) -> Array2<f32> {
     let (w, h) = size;
     let step = [camera.sensor.0 as f64 / w as f64, camera.sensor.1 as f64 / h as f64];
     let mut values = vec![0f32; w * h];
@@ -84,15 +84,15 @@ mod tests {
     use lenslet_core::progress::Silent;
 
     use super::*;
-    use crate::simulate::Kind;
+    use crate::simulate::SceneName;
 
     #[test]
     fn a_view_is_the_mean_over_its_pixels() {
         let camera = Camera { sensor: (240, 200), ..Camera::default() };
-        let scene = Scene::named(Kind::Planes, &camera, Some(0.3), 2, &Silent).unwrap();
+        let scene = Scene::named(SceneName::Planes, &camera, Some(0.3), 2, &Silent).unwrap();
         for (size, delta) in [(79, [0.0, 0.0]), (79, [-3.0, 2.0]), (24, [1.0, 1.0])] {
             let size = output_size(&camera, size);
-            let fast = view(&scene, &camera, delta, size);
+            let fast = true_view(&scene, &camera, delta, size);
             let (sx, sy) = (240.0 / size.0 as f64, 200.0 / size.1 as f64);
             let mut worst = 0f32;
             for t in (0..size.1).step_by(5) {
@@ -116,11 +116,11 @@ mod tests {
         // A plane at one disparity: view u at s + D·u shows what the central view shows at s. D is made a whole number.
         let camera = Camera { sensor: (400, 400), ..Camera::default() };
         let size = (200, 200);
-        let scene = Scene::named(Kind::Flat, &camera, Some(2.0 / camera.pitch), 2, &Silent).unwrap();
-        let map = disparity(&scene, &camera, 1.0, size);
+        let scene = Scene::named(SceneName::Flat, &camera, Some(2.0 / camera.lenslets.pitch), 2, &Silent).unwrap();
+        let map = true_disparity(&scene, &camera, 1.0, size);
         assert!(map.iter().all(|d| (d - 1.0).abs() < 1e-5));
-        let centre = view(&scene, &camera, offset([3, 3], 7, 1.0), size);
-        let moved = view(&scene, &camera, offset([1, 6], 7, 1.0), size);
+        let centre = true_view(&scene, &camera, view_offset([3, 3], 7, 1.0), size);
+        let moved = true_view(&scene, &camera, view_offset([1, 6], 7, 1.0), size);
         for t in 10..190 {
             for s in 10..190 {
                 assert!((centre[[t, s, 1]] - moved[[t - 2, s + 3, 1]]).abs() < 1e-4);

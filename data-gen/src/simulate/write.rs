@@ -10,58 +10,24 @@ use ndarray::Array2;
 use serde_json::json;
 
 use super::camera::Camera;
+use super::capture::{Simulation, capture_name};
+use super::error::Error;
+use super::options::{SimulationOptions, TruthOptions};
 use super::scene::Scene;
-use super::{Error, Options, Simulation, truth};
-
-/// What truth to write.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Truth {
-    /// Views a row and a column, odd, 1..=15.
-    pub views: usize,
-    /// Sensor pixels between neighbouring views, above 0, at most 4.
-    pub view_step: f64,
-    /// Longer side of the views, 16..=8192 pixels.
-    pub size: usize,
-}
-
-impl Default for Truth {
-    fn default() -> Self {
-        Truth { views: 7, view_step: 1.0, size: 1080 }
-    }
-}
-
-impl Truth {
-    /// Refuses what cannot be rendered.
-    ///
-    /// # Errors
-    /// [`Error::Parameter`] naming the first value out of range.
-    pub fn check(&self) -> Result<(), Error> {
-        let bad = |text: String| Err(Error::Parameter(text));
-        if self.views.is_multiple_of(2) || self.views > 15 {
-            return bad(format!("the views a side must be odd and at most 15, not {}", self.views));
-        }
-        if !(self.view_step > 0.0 && self.view_step <= 4.0) {
-            return bad(format!("the view step must be over 0 and at most 4, not {}", self.view_step));
-        }
-        if !(16..=8192).contains(&self.size) {
-            return bad(format!("the size of the views must lie in 16..=8192, not {}", self.size));
-        }
-        Ok(())
-    }
-}
+use super::truth;
 
 /// Writes everything into the directory `dir`, which appears when it is complete.
 ///
 /// # Errors
 /// [`Error::Parameter`], [`Error::Interrupted`], or what keeps a file from being written.
 #[allow(clippy::too_many_arguments)] // the record needs every input of the simulation
-pub fn write(
+pub fn write_simulation(
     dir: &Path,
     scene: &Scene,
     camera: &Camera,
-    options: &Options,
+    options: &SimulationOptions,
     simulation: &Simulation,
-    truth: &Truth,
+    truth: &TruthOptions,
     force: bool,
     observer: &dyn Observer,
 ) -> Result<(), Error> {
@@ -78,7 +44,7 @@ pub fn write(
     npy(&folder.join("centres.npy"), &centres)?;
 
     let size = truth::output_size(camera, truth.size);
-    npy(&folder.join("disparity.npy"), &truth::disparity(scene, camera, truth.view_step, size))?;
+    npy(&folder.join("disparity.npy"), &truth::true_disparity(scene, camera, truth.view_step, size))?;
     let record = json!({
         "tool": concat!("lenslet ", env!("CARGO_PKG_VERSION")),
         "scene": scene.name,
@@ -106,10 +72,8 @@ pub fn write(
     observer.begin("truth", (n * n) as u64);
     for v in 0..n {
         for u in 0..n {
-            if observer.cancelled() {
-                return Err(Error::Interrupted);
-            }
-            let mut view = truth::view(scene, camera, truth::offset([v, u], n, truth.view_step), size);
+            observer.check()?;
+            let mut view = truth::true_view(scene, camera, truth::view_offset([v, u], n, truth.view_step), size);
             colour::convert(&mut view, ColourSpace::Linear, ColourSpace::Srgb);
             sink.write(v, u, &view)?;
             observer.advance(1);
@@ -118,11 +82,6 @@ pub fn write(
     sink.finish()?;
     pending.commit()?;
     Ok(())
-}
-
-/// What the capture's file is called: captures that carry their white image are called `.lfr`.
-pub fn capture_name(camera: &Camera) -> &'static str {
-    if camera.white_inside { "capture.lfr" } else { "capture.lfp" }
 }
 
 fn npy<T: ndarray_npy::WritableElement>(path: &Path, array: &Array2<T>) -> Result<(), Error> {

@@ -9,8 +9,11 @@ use lenslet::image_io::Picture;
 use lenslet_core::dictionary::{Dictionary, Footprint};
 use lenslet_core::lightfield::{ColourSpace, colour};
 use lenslet_core::progress::Observer;
-use lenslet_data_gen::simulate::{self, Camera, Kind, Scene};
-use lenslet_train::{Coupling, Parameters};
+use lenslet_data_gen::simulate::{self, Camera, Scene, SceneName};
+use lenslet_train::{
+    AnchorParameters, Coupling, DegradationParameters, DictionaryParameters, PairParameters, Parameters,
+    RefinementParameters,
+};
 
 use super::chain::Training;
 use super::settings::Settings;
@@ -58,10 +61,10 @@ pub(super) fn train_once<'a>(
         let mut parameters = parameters(training, seed, settings.quick);
         if simulated {
             // Simulated pictures are as sharp as their truth; photos are shrunk to be so.
-            parameters.shrink = 1.0;
+            parameters.pairs.shrink = 1.0;
         }
         let begun = Instant::now();
-        let outcome = lenslet_train::train(pictures, &parameters, None, false, observer, &mut |_| {})?;
+        let outcome = lenslet_train::train_dictionary(pictures, &parameters, None, false, observer, &mut |_| {})?;
         let seconds = begun.elapsed().as_secs_f64();
         store.by_name.insert(name.clone(), Trained { dictionary: outcome.dictionary, seconds });
     }
@@ -69,19 +72,22 @@ pub(super) fn train_once<'a>(
 }
 
 fn parameters(training: &Training, seed: u64, quick: bool) -> Parameters {
+    let epochs = if quick { 1 } else { 3 };
     Parameters {
-        atoms: training.atoms,
-        patch: training.patch,
-        lambda: training.lambda,
-        features: training.features,
-        pairs: training.pairs,
-        algorithm: training.algorithm,
-        coupling: if training.joint { Coupling::Joint } else { Coupling::Low },
-        epochs: if quick { 1 } else { 3 },
-        refine: if quick { 1 } else { 3 },
-        footprints: vec![Footprint::Point],
-        anchors: 0,
-        held_out: 0,
+        dictionary: DictionaryParameters {
+            atoms: training.atoms,
+            patch: training.patch,
+            lambda: training.lambda,
+            features: training.features,
+            algorithm: training.algorithm,
+            coupling: if training.joint { Coupling::Joint } else { Coupling::Low },
+            epochs,
+            ..DictionaryParameters::default()
+        },
+        refinement: RefinementParameters { epochs, ..RefinementParameters::default() },
+        pairs: PairParameters { count: training.pairs, held_out: 0, ..PairParameters::default() },
+        degradation: DegradationParameters { footprints: vec![Footprint::Point], ..DegradationParameters::default() },
+        anchors: AnchorParameters { count: 0, ..AnchorParameters::default() },
         seed,
         ..Parameters::default()
     }
@@ -94,9 +100,9 @@ fn simulate_pictures(observer: &dyn Observer) -> Result<(Vec<PathBuf>, tempfile:
     let size = simulate::output_size(&camera, 540);
     let mut paths = Vec::new();
     for k in 0..PICTURES {
-        let kind = if k % 2 == 0 { Kind::Flat } else { Kind::Natural };
+        let kind = if k % 2 == 0 { SceneName::Flat } else { SceneName::Natural };
         let scene = Scene::named(kind, &camera, None, FIRST_SEED + k, observer)?;
-        let mut view = simulate::view(&scene, &camera, [0.0; 2], size);
+        let mut view = simulate::true_view(&scene, &camera, [0.0; 2], size);
         colour::convert(&mut view, ColourSpace::Linear, ColourSpace::Srgb);
         let rgb = view.iter().map(|x| (x.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
         let picture = Picture { width: size.0, height: size.1, rgb };

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Result, bail};
 use lenslet_core::calibration::CalibrationVariant;
 use lenslet_core::decode::Demosaic;
-use lenslet_data_gen::simulate::Kind;
+use lenslet_data_gen::simulate::SceneName;
 use lenslet_train::Algorithm;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
@@ -20,7 +20,7 @@ use super::settings::Settings;
 #[serde(rename_all = "lowercase")]
 pub enum Subject {
     /// A simulated scene with its truth.
-    Scene(Kind),
+    Scene(SceneName),
     /// A real capture: hidden lenslets.
     Capture(PathBuf),
     /// Another tool's light field on the truth given with it.
@@ -126,17 +126,17 @@ fn can_use_real_captures(experiment: Experiment) -> bool {
     matches!(experiment, Experiment::Calibration | Experiment::Subpixel | Experiment::Resampling)
 }
 
-fn scenes(experiment: Experiment, quick: bool) -> Vec<Kind> {
+fn scenes(experiment: Experiment, quick: bool) -> Vec<SceneName> {
     match (experiment, quick) {
         (Experiment::Resampling, false) => {
-            vec![Kind::Natural, Kind::Planes, Kind::Slanted, Kind::Occluders, Kind::Chart]
+            vec![SceneName::Natural, SceneName::Planes, SceneName::Slanted, SceneName::Occluders, SceneName::Chart]
         }
         (Experiment::Calibration | Experiment::Subpixel | Experiment::Resampling, _) => {
-            vec![Kind::Natural, Kind::Chart]
+            vec![SceneName::Natural, SceneName::Chart]
         }
-        (Experiment::Views, _) => vec![Kind::Natural],
-        (_, true) => vec![Kind::Natural],
-        (_, false) => vec![Kind::Natural, Kind::Chart],
+        (Experiment::Views, _) => vec![SceneName::Natural],
+        (_, true) => vec![SceneName::Natural],
+        (_, false) => vec![SceneName::Natural, SceneName::Chart],
     }
 }
 

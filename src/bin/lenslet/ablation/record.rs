@@ -192,14 +192,14 @@ impl Log {
 mod tests {
     use super::*;
     use crate::ablation::{chain::Chain, experiment::Experiment, matrix::Subject};
-    use lenslet_data_gen::simulate::Kind;
+    use lenslet_data_gen::simulate::SceneName;
 
     fn run(seed: u64) -> Run {
         Run {
             experiment: Experiment::Noise,
             variant: "x".into(),
             chain: Chain::default(),
-            subject: Subject::Scene(Kind::Flat),
+            subject: Subject::Scene(SceneName::Flat),
             seed,
             sensor: 100,
         }

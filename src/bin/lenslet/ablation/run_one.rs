@@ -9,7 +9,7 @@ use lenslet_core::decode::{self, Step};
 use lenslet_core::dictionary::{Dictionary, Interpolation};
 use lenslet_core::digest::sha256_hex;
 use lenslet_core::progress::Observer;
-use lenslet_data_gen::simulate::Kind;
+use lenslet_data_gen::simulate::SceneName;
 use ndarray::Array3;
 
 use super::chain::Chain;
@@ -67,7 +67,7 @@ pub(super) fn run_one(
 /// A simulated scene, scored against its truth.
 fn run_simulated(
     run: &Run,
-    kind: Kind,
+    kind: SceneName,
     settings: &Settings,
     caches: &mut Caches,
     out: &Path,
@@ -99,11 +99,11 @@ fn run_simulated(
     }
     let truths: Vec<Array3<f32>> = wanted.iter().map(|&(v, u)| capture.truth(v, u, n).clone()).collect();
     scores::score_against_truth(&images, &truths, &mut scored.scores)?;
-    if matches!(kind, Kind::Chart | Kind::Flat | Kind::Slanted) {
+    if matches!(kind, SceneName::Chart | SceneName::Flat | SceneName::Slanted) {
         let steps = ((n - 1 - middle) as f64, 0.0);
         scores::score_agreement(&images, &capture.disparity(), steps, &mut scored.scores)?;
     }
-    if kind == Kind::Chart {
+    if kind == SceneName::Chart {
         scores::score_chart(&images[0], &truths[0], &capture.scene.regions, capture.pitch(), &mut scored.scores);
     }
     if run.seed == 1 {

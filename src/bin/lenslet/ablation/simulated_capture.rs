@@ -6,7 +6,7 @@ use anyhow::Result;
 use lenslet_core::calibration::{self, Calibration, CalibrationVariant};
 use lenslet_core::lightfield::{ColourSpace, colour};
 use lenslet_core::progress::Observer;
-use lenslet_data_gen::simulate::{self, Camera, Kind, Options, Scene, Simulation};
+use lenslet_data_gen::simulate::{self, Camera, Scene, SceneName, Simulation, SimulationOptions};
 use ndarray::{Array2, Array3};
 
 use super::dictionaries::TrainedDictionaries;
@@ -19,7 +19,7 @@ const KEPT: usize = 2;
 /// What distinguishes captures. Noise in thousandths, so that it can be compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Key {
-    kind: Kind,
+    kind: SceneName,
     seed: u64,
     noise: u64,
 }
@@ -62,7 +62,7 @@ impl SimulatedCaptures {
     /// The capture of a scene of `kind` under `seed`, made when it is not there.
     pub(super) fn get(
         &mut self,
-        kind: Kind,
+        kind: SceneName,
         seed: u64,
         noise: f64,
         observer: &dyn Observer,
@@ -85,14 +85,11 @@ impl SimulatedCaptures {
 
 impl SimulatedCapture {
     fn new(key: Key, sensor: usize, size: usize, noise: f64, observer: &dyn Observer) -> Result<SimulatedCapture> {
-        let mut camera = Camera::with_sensor(sensor);
-        // Another camera for every seed: its lattice lies and turns differently.
-        let turn = |k: u64| ((key.seed.wrapping_mul(k) % 1000) as f64) / 1000.0;
-        camera.offset = [10.0 * turn(617) - 5.0, 10.0 * turn(389) - 5.0];
-        camera.rotation = 0.008 * turn(751) - 0.004;
+        // Another camera for every seed.
+        let camera = Camera::with_sensor(sensor).perturbed(key.seed);
         let scene = Scene::named(key.kind, &camera, None, key.seed, observer)?;
-        let options = Options { seed: key.seed, noise, whites: 2 };
-        let simulation = simulate::render(&scene, &camera, &options, observer)?;
+        let options = SimulationOptions { seed: key.seed, noise, whites: 2 };
+        let simulation = simulate::render_capture(&scene, &camera, &options, observer)?;
         let size = simulate::output_size(&camera, size);
         Ok(SimulatedCapture {
             key,
@@ -118,8 +115,8 @@ impl SimulatedCapture {
     /// The true view in row v and column u of n×n, sRGB-encoded.
     pub(super) fn truth(&mut self, v: usize, u: usize, n: usize) -> &Array3<f32> {
         self.truths.entry((v, u, n)).or_insert_with(|| {
-            let offset = simulate::offset([v, u], n, 1.0);
-            let mut view = simulate::view(&self.scene, &self.camera, offset, self.size);
+            let offset = simulate::view_offset([v, u], n, 1.0);
+            let mut view = simulate::true_view(&self.scene, &self.camera, offset, self.size);
             colour::convert(&mut view, ColourSpace::Linear, ColourSpace::Srgb);
             view
         })
@@ -127,11 +124,11 @@ impl SimulatedCapture {
 
     /// True disparity of the middle view.
     pub(super) fn disparity(&self) -> Array2<f32> {
-        simulate::disparity(&self.scene, &self.camera, 1.0, self.size)
+        simulate::true_disparity(&self.scene, &self.camera, 1.0, self.size)
     }
 
     /// Output pixels between neighbouring lenslets.
     pub(super) fn pitch(&self) -> f64 {
-        self.camera.pitch * self.size.0 as f64 / self.camera.sensor.0 as f64
+        self.camera.lenslets.pitch * self.size.0 as f64 / self.camera.sensor.0 as f64
     }
 }

@@ -14,7 +14,7 @@ use lenslet_core::lightfield::{ColourSpace, View, colour};
 use lenslet_core::metrics::{BORDER, Scores, Window};
 use lenslet_core::output::{self, Pending};
 use lenslet_core::progress::Observer;
-use lenslet_data_gen::simulate::{self, Camera, Kind, Lenslets, Options, Scene, Truth};
+use lenslet_data_gen::simulate::{self, Camera, Lenslets, Scene, SceneName, SimulationOptions, TruthOptions};
 use lenslet_views::reconstruct;
 use lenslet_views::{InterpolatedViews, LearnedViews, Target};
 use ndarray::{Array3, Axis};
@@ -60,19 +60,28 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let began = Instant::now();
 
     let camera = Camera::with_sensor(2 * (args.size * 3280 / 1080).div_ceil(2));
-    let options = Options { seed: args.seed, ..Options::default() };
-    let scene =
-        Scene::named(Kind::Natural, &camera, None, args.seed, observer).map_err(super::simulate::usage_or_failure)?;
-    let simulation =
-        simulate::render(&scene, &camera, &options, observer).map_err(super::simulate::usage_or_failure)?;
-    let size = simulate::output_size(&camera, args.size);
-    let truth_options = Truth { views: VIEWS, view_step: 1.0, size: args.size };
-    simulate::write(&root.join("simulated"), &scene, &camera, &options, &simulation, &truth_options, false, observer)
+    let options = SimulationOptions { seed: args.seed, ..SimulationOptions::default() };
+    let scene = Scene::named(SceneName::Natural, &camera, None, args.seed, observer)
         .map_err(super::simulate::usage_or_failure)?;
+    let simulation =
+        simulate::render_capture(&scene, &camera, &options, observer).map_err(super::simulate::usage_or_failure)?;
+    let size = simulate::output_size(&camera, args.size);
+    let truth_options = TruthOptions { views: VIEWS, view_step: 1.0, size: args.size };
+    simulate::write_simulation(
+        &root.join("simulated"),
+        &scene,
+        &camera,
+        &options,
+        &simulation,
+        &truth_options,
+        false,
+        observer,
+    )
+    .map_err(super::simulate::usage_or_failure)?;
     let truth: Vec<_> = SCORED
         .iter()
         .map(|&(v, u)| {
-            let mut view = simulate::view(&scene, &camera, simulate::offset([v, u], VIEWS, 1.0), size);
+            let mut view = simulate::true_view(&scene, &camera, simulate::view_offset([v, u], VIEWS, 1.0), size);
             colour::convert(&mut view, ColourSpace::Linear, ColourSpace::Srgb);
             view
         })

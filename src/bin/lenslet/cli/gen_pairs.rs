@@ -2,9 +2,11 @@
 
 use std::path::PathBuf;
 
-use lenslet_core::dictionary::{Footprint, Photo};
+use lenslet_core::dictionary::Footprint;
+use lenslet_core::lightfield::ColourSpace;
 use lenslet_core::progress::Observer;
-use lenslet_data_gen::pairs::{self, Crop, Degradation, Manifest, PatchOptions};
+use lenslet_data_gen::pairs::{self, Crop, CropOptions, Degradation, Manifest, PatchOptions};
+use lenslet_data_gen::photo::PhotoSet;
 use serde_json::json;
 
 use super::values::FootprintName;
@@ -71,28 +73,13 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     }
     let footprint = Footprint::from(args.footprint);
     let degradation = Degradation { footprint, noise: args.noise, ..Degradation::default() };
-    let files = pairs::find_photos(&args.photos)?;
-    let (mut crops, mut photos, mut skipped): (Vec<Crop>, Vec<Photo>, Vec<String>) = Default::default();
-    context.progress.begin("photos", files.len() as u64);
-    for path in &files {
-        context.progress.check()?;
-        context.progress.advance(1);
-        match pairs::load_photo(path, 64) {
-            Ok(photo) => {
-                let n = photos.len();
-                crops.extend(pairs::crops(&photo, n, args.crops, args.crop, args.shrink, &degradation, args.seed)?);
-                photos.push(Photo { file: photo.name, sha256: photo.sha256 });
-            }
-            Err(e) => {
-                let note = format!("left out: {e}");
-                context.progress.note(&note);
-                skipped.push(note);
-            }
-        }
-    }
-    if crops.is_empty() {
-        anyhow::bail!("none of {} files is a usable photo: {}", files.len(), skipped.join("; "));
-    }
+    let options =
+        CropOptions { size: args.crop, shrink: args.shrink, degradation: degradation.clone(), seed: args.seed };
+    let mut crops: Vec<Crop> = Vec::new();
+    let report = PhotoSet::find(&args.photos, ColourSpace::Srgb)?.for_each(&context.progress, |n, _, photo| {
+        crops.extend(pairs::cut_crops(photo, n, args.crops, &options)?);
+        anyhow::Ok(())
+    })?;
     context.progress.begin("pairs", 0);
     let (filters, kept) = pairs::learn_filters(&crops, args.window, args.features)?;
     let options = PatchOptions {
@@ -102,8 +89,8 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         seed: args.seed,
         ..PatchOptions::default()
     };
-    let pairs = pairs::pairs(&crops, &filters, &options)?;
-    let mut pairs_of_photo = vec![0; photos.len()];
+    let pairs = pairs::extract_pairs(&crops, &filters, &[filters.nrows()], &options)?;
+    let mut pairs_of_photo = vec![0; report.used.len()];
     pairs.photos.iter().for_each(|&p| pairs_of_photo[p as usize] += 1);
     let manifest = Manifest {
         version: 1,
@@ -119,14 +106,14 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
             "patch": args.patch, "window": args.window, "features": args.features, "energy_kept": kept,
             "crops": args.crops, "crop": args.crop, "shrink": args.shrink, "footprint": footprint,
             "base": degradation.base, "pitch": degradation.pitch, "rotation": degradation.rotation,
-            "noise": args.noise, "flat": options.flat, "seed": args.seed, "generator": "ChaCha8",
+            "noise": args.noise, "flat": options.min_norm, "seed": args.seed, "generator": "ChaCha8",
         }),
-        photos,
+        photos: report.used,
         pairs_of_photo,
-        skipped,
+        skipped: report.skipped,
     };
     context.progress.check()?;
-    pairs::write(&args.out, &pairs, &filters, &manifest, args.force)?;
+    pairs::write_pairs(&args.out, &pairs, &filters, &manifest, args.force)?;
     let text = format!(
         "{}: {} pairs from {} photos ({} left out), {:.1} % of the gradients' energy in {} features",
         args.out.display(),

@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use lenslet_core::container::CameraProfile;
-use lenslet_data_gen::simulate::{self, Camera, Kind, Options, Profile, Scene, Truth};
+use lenslet_data_gen::simulate::{
+    self, Camera, LensletGrid, Optics, Scene, SceneName, SimulationOptions, TruthOptions,
+};
 use serde_json::json;
 
 use super::written::refuse_existing;
@@ -24,7 +26,7 @@ A scene's detail is drawn in lenslet pitches, so a small sensor sees a smaller p
 pub struct Args {
     /// natural, planes, slanted, occluders, chart, colour, white or flat
     #[arg(long, default_value = "natural", value_name = "NAME", conflicts_with = "photo")]
-    scene: Kind,
+    scene: SceneName,
     /// Photos instead: the first as background, the others as prints before it
     #[arg(long, value_name = "FILE", num_args = 1..)]
     photo: Vec<PathBuf>,
@@ -59,7 +61,7 @@ pub struct Args {
     #[arg(long, value_name = "PIXELS")]
     pitch: Option<f64>,
     /// Rotation of the lattice in radians, positive = clockwise on screen
-    #[arg(long, default_value_t = Camera::default().rotation, value_name = "RADIANS", allow_negative_numbers = true)]
+    #[arg(long, default_value_t = LensletGrid::default().rotation, value_name = "RADIANS", allow_negative_numbers = true)]
     rotation: f64,
     /// Row distance over its ideal [default: the camera's]
     #[arg(long, value_name = "RATIO")]
@@ -68,22 +70,22 @@ pub struct Args {
     #[arg(long, value_name = "X,Y", default_value = "2.37,-1.61", allow_hyphen_values = true, value_parser = parse_offset)]
     offset: [f64; 2],
     /// Standard deviation of each lenslet's own position error, pixels
-    #[arg(long, default_value_t = Camera::default().jitter, value_name = "PIXELS")]
+    #[arg(long, default_value_t = LensletGrid::default().jitter, value_name = "PIXELS")]
     jitter: f64,
     /// Light over a micro-image: parabolic or gaussian
     #[arg(long, value_enum, default_value = "parabolic", hide_possible_values = true)]
     profile: LightProfile,
     /// Share of the light the main lens loses in the corners
-    #[arg(long, default_value_t = Camera::default().vignetting, value_name = "SHARE", allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Optics::default().vignetting, value_name = "SHARE", allow_negative_numbers = true)]
     vignetting: f64,
     /// Optical blur on the sensor (standard deviation), pixels
-    #[arg(long, default_value_t = Camera::default().psf, value_name = "PIXELS")]
+    #[arg(long, default_value_t = Optics::default().psf, value_name = "PIXELS")]
     psf: f64,
     /// Noise: 0 none; 1 one electron a DN and 3 DN of read noise
-    #[arg(long, default_value_t = Options::default().noise, value_name = "K", allow_negative_numbers = true)]
+    #[arg(long, default_value_t = SimulationOptions::default().noise, value_name = "K", allow_negative_numbers = true)]
     noise: f64,
     /// White images
-    #[arg(long, default_value_t = Options::default().whites, value_name = "N")]
+    #[arg(long, default_value_t = SimulationOptions::default().whites, value_name = "N")]
     whites: usize,
 }
 
@@ -123,24 +125,25 @@ pub fn usage_or_failure(error: simulate::Error) -> anyhow::Error {
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
-    let like = Camera::of_profile(&CameraProfile::find(&args.camera)?);
+    let like = Camera::from_profile(&CameraProfile::find(&args.camera)?);
+    let profile = match args.profile {
+        LightProfile::Gaussian => simulate::LightProfile::Gaussian { sigma: GAUSSIAN_SIGMA },
+        LightProfile::Parabolic => Optics::default().profile,
+    };
     let camera = Camera {
         sensor: args.sensor.unwrap_or(like.sensor),
-        pitch: args.pitch.unwrap_or(like.pitch),
-        rotation: args.rotation,
-        row_stretch: args.row_stretch.unwrap_or(like.row_stretch),
-        offset: args.offset,
-        jitter: args.jitter,
-        profile: match args.profile {
-            LightProfile::Gaussian => Profile::Gaussian { sigma: GAUSSIAN_SIGMA },
-            LightProfile::Parabolic => Camera::default().profile,
+        lenslets: LensletGrid {
+            pitch: args.pitch.unwrap_or(like.lenslets.pitch),
+            rotation: args.rotation,
+            row_stretch: args.row_stretch.unwrap_or(like.lenslets.row_stretch),
+            offset: args.offset,
+            jitter: args.jitter,
         },
-        vignetting: args.vignetting,
-        psf: args.psf,
+        optics: Optics { profile, vignetting: args.vignetting, psf: args.psf, ..like.optics },
         ..like
     };
-    let options = Options { seed: args.seed, noise: args.noise, whites: args.whites };
-    let truth = Truth { views: args.views, view_step: args.view_step, size: args.size };
+    let options = SimulationOptions { seed: args.seed, noise: args.noise, whites: args.whites };
+    let truth = TruthOptions { views: args.views, view_step: args.view_step, size: args.size };
     // Everything that can be refused is refused before the long work begins.
     camera.check().and_then(|()| options.check()).and_then(|()| truth.check()).map_err(usage_or_failure)?;
     refuse_existing(&args.out, args.force)?;
@@ -148,11 +151,11 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let scene = if args.photo.is_empty() {
         Scene::named(args.scene, &camera, args.disparity, args.seed, observer)
     } else {
-        simulate::photos(&args.photo, &camera, args.disparity, args.seed, observer)
+        simulate::photo_scene(&args.photo, &camera, args.disparity, args.seed, observer)
     };
     let scene = scene.map_err(usage_or_failure)?;
-    let simulation = simulate::render(&scene, &camera, &options, observer).map_err(usage_or_failure)?;
-    simulate::write(&args.out, &scene, &camera, &options, &simulation, &truth, args.force, observer)
+    let simulation = simulate::render_capture(&scene, &camera, &options, observer).map_err(usage_or_failure)?;
+    simulate::write_simulation(&args.out, &scene, &camera, &options, &simulation, &truth, args.force, observer)
         .map_err(usage_or_failure)?;
     let out = args.out.display();
     let (width, height) = camera.sensor;

@@ -7,10 +7,10 @@ use anyhow::Context as _;
 use lenslet_core::dictionary::{self, Footprint, Interpolation};
 use lenslet_core::output;
 use lenslet_core::progress::Observer;
-use lenslet_train::{Algorithm, Coupling, Parameters, train, train_on};
+use lenslet_train::{Algorithm, Coupling, KsvdUpdate, Parameters, train_dictionary, train_on_crops};
 use serde_json::json;
 
-use super::values::{AlgorithmName, FootprintName, TrainingBase};
+use super::values::{AlgorithmName, FootprintName, KsvdUpdateName, TrainingBase};
 use super::written::refuse_existing;
 use super::{Context, Outcome, Usage, train_report};
 
@@ -48,6 +48,9 @@ pub struct Args {
     /// Learning algorithm
     #[arg(long, value_enum)]
     algorithm: Option<AlgorithmName>,
+    /// Update of an atom in K-SVD: exact (the leading singular pair), or approximate (one alternation; the default)
+    #[arg(long, value_enum)]
+    ksvd_update: Option<KsvdUpdateName>,
     /// Learn Dl alone, then Dh by least squares
     #[arg(long)]
     low_first: bool,
@@ -113,38 +116,39 @@ fn parameters(args: &Args) -> anyhow::Result<Parameters> {
             *to = value;
         }
     }
-    set(&mut p.atoms, args.atoms);
-    set(&mut p.patch, args.patch);
+    set(&mut p.dictionary.atoms, args.atoms);
+    set(&mut p.dictionary.patch, args.patch);
     if let Some(patch) = args.patch {
-        p.window = patch.max(3);
+        p.dictionary.window = patch.max(3);
     }
-    set(&mut p.lambda, args.lambda);
-    set(&mut p.epochs, args.epochs);
-    set(&mut p.refine, args.refine);
-    set(&mut p.pairs, args.pairs);
-    set(&mut p.anchors, args.anchors);
-    set(&mut p.shrink, args.shrink);
-    set(&mut p.noise, args.noise);
+    set(&mut p.dictionary.lambda, args.lambda);
+    set(&mut p.dictionary.epochs, args.epochs);
+    set(&mut p.refinement.epochs, args.refine);
+    set(&mut p.pairs.count, args.pairs);
+    set(&mut p.anchors.count, args.anchors);
+    set(&mut p.pairs.shrink, args.shrink);
+    set(&mut p.degradation.noise, args.noise);
     set(&mut p.seed, args.seed);
-    set(&mut p.memory, args.pairs_memory);
-    p.linear_light |= args.linear_light;
-    set(&mut p.algorithm, args.algorithm.map(Algorithm::from));
+    set(&mut p.pairs.memory, args.pairs_memory);
+    p.pairs.linear_light |= args.linear_light;
+    set(&mut p.dictionary.algorithm, args.algorithm.map(Algorithm::from));
+    set(&mut p.dictionary.ksvd_update, args.ksvd_update.map(KsvdUpdate::from));
     if args.low_first {
-        p.coupling = Coupling::Low;
+        p.dictionary.coupling = Coupling::Low;
     }
     if !args.footprint.is_empty() {
-        p.footprints.clear();
+        p.degradation.footprints.clear();
         for footprint in args.footprint.iter().copied().map(Footprint::from) {
-            if p.footprints.contains(&footprint) {
+            if p.degradation.footprints.contains(&footprint) {
                 return Err(Usage(format!("--footprint names {footprint} twice")).into());
             }
-            p.footprints.push(footprint);
+            p.degradation.footprints.push(footprint);
         }
     }
-    p.base = args.base.map(Interpolation::from).or(p.base);
-    if p.base == Some(Interpolation::Multiview) {
+    p.degradation.base = args.base.map(Interpolation::from).or(p.degradation.base);
+    if p.degradation.base == Some(Interpolation::Multiview) {
         // The simulated camera's truth is what a lenslet sees: a sample is the truth at a point.
-        p.footprints = vec![Footprint::Point];
+        p.degradation.footprints = vec![Footprint::Point];
         if args.calibration.is_some() || args.noise.is_some() || args.shrink.is_some() {
             return Err(Usage("--calibration, --noise and --shrink do not go with --base multiview".into()).into());
         }
@@ -152,14 +156,14 @@ fn parameters(args: &Args) -> anyhow::Result<Parameters> {
     if let Some(path) = &args.calibration {
         let calibration = lenslet_core::calibration::load(path)?;
         let (w, h) = (calibration.width, calibration.height);
-        p.pitch = calibration.lattice.pitch() * 1080.0 / w.max(h).max(1) as f64;
-        p.rotation = calibration.lattice.rotation();
+        p.degradation.pitch = calibration.lattice.pitch() * 1080.0 / w.max(h).max(1) as f64;
+        p.degradation.rotation = calibration.lattice.rotation();
     }
     if let Some(scale) = args.grid {
         if !(1.5..=8.0).contains(&scale) {
             return Err(Usage(format!("--grid {scale} is out of range (1.5 to 8)")).into());
         }
-        (p.footprints, p.pitch, p.rotation) = (vec![Footprint::Grid], scale, 0.0);
+        (p.degradation.footprints, p.degradation.pitch, p.degradation.rotation) = (vec![Footprint::Grid], scale, 0.0);
     }
     p.check().map_err(|e| Usage(e.to_string()))?;
     Ok(p)
@@ -202,13 +206,13 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         }
     };
     let progress = &context.progress;
-    let outcome = if parameters.base == Some(Interpolation::Multiview) {
+    let outcome = if parameters.degradation.base == Some(Interpolation::Multiview) {
         let mut crops = |_, observer: &dyn lenslet_core::progress::Observer| {
             lenslet_train::captured_crops(&args.photos, &parameters, observer)
         };
-        train_on(&mut crops, &parameters, Some(&checkpoint), args.resume, progress, &mut line)
+        train_on_crops(&mut crops, &parameters, Some(&checkpoint), args.resume, progress, &mut line)
     } else {
-        train(&args.photos, &parameters, Some(&checkpoint), args.resume, progress, &mut line)
+        train_dictionary(&args.photos, &parameters, Some(&checkpoint), args.resume, progress, &mut line)
     };
     let outcome = outcome?;
     dictionary::save(&args.out, &outcome.dictionary, replace)?;
@@ -233,7 +237,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let text = format!(
         "{}: {} atoms from {photos} photos ({} left out), {bytes} bytes\n{}",
         args.out.display(),
-        parameters.atoms,
+        parameters.dictionary.atoms,
         outcome.skipped.len(),
         serde_json::to_string(scores)?
     );

@@ -5,7 +5,7 @@ use lenslet_core::dictionary::Footprint;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{self, Format};
 use lenslet_core::metrics::SsimWindow;
-use lenslet_train::Algorithm;
+use lenslet_train::{Algorithm, KsvdUpdate};
 use lenslet_views::reconstruct::Mode;
 
 /// Defines an enum of option values and what each becomes.
@@ -33,6 +33,16 @@ named_values! {
     FootprintName => Footprint {
         Point => Footprint::Point,
         Lenslet => Footprint::Lenslet,
+    }
+}
+
+named_values! {
+    /// `--ksvd-update`: how K-SVD updates an atom.
+    KsvdUpdateName => KsvdUpdate {
+        /// The leading singular pair of the residual
+        Exact => KsvdUpdate::Exact,
+        /// One alternation between the atom and its coefficients
+        Approximate => KsvdUpdate::Approximate,
     }
 }
 

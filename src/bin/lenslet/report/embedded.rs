@@ -181,7 +181,7 @@ pub fn captioned_strip(pictures: &[(String, Array3<f32>)], gap: usize, letters: 
                     .filter(|(dx, dy)| {
                         // Half a letter from the picture's left edge.
                         let (tx, ty) = (x as f64 + dx - letters as f64 * 0.5, y as f64 + dy - letters as f64 * 0.5);
-                        lenslet_data_gen::simulate::text(tx, ty, name, letters as f64, 1.0)
+                        lenslet_core::stroke_font::is_on_text(tx, ty, name, letters as f64, 1.0)
                     })
                     .count() as f32;
                 out.slice_mut(s![y, left + x, ..]).fill(1.0 - 0.22 * ink);

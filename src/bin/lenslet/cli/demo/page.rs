@@ -129,16 +129,16 @@ fn calibration_section(page: &mut Page, camera: &Camera, calibrated: &Calibrated
     let lattice = &calibrated.found.lattice;
     let row = |name: &str, found: String, truth: String| vec![name.to_owned(), found, truth];
     let rows = vec![
-        row("pitch, px", format!("{:.4}", lattice.pitch()), format!("{:.4}", camera.pitch)),
-        row("rotation, rad", format!("{:.6}", lattice.rotation()), format!("{:.6}", camera.rotation)),
-        row("row stretch", format!("{:.6}", lattice.row_stretch()), format!("{:.6}", camera.row_stretch)),
+        row("pitch, px", format!("{:.4}", lattice.pitch()), format!("{:.4}", camera.lenslets.pitch)),
+        row("rotation, rad", format!("{:.6}", lattice.rotation()), format!("{:.6}", camera.lenslets.rotation)),
+        row("row stretch", format!("{:.6}", lattice.row_stretch()), format!("{:.6}", camera.lenslets.row_stretch)),
         row("lenslets", calibrated.found.lenslets.len().to_string(), calibrated.truth.to_string()),
         row("centres, px RMS from the truth", format!("{:.4}", calibrated.rms), "0".to_owned()),
     ];
     page.table(&Table {
         caption: format!(
             "Found from two white images with noise; every lenslet has its own error of {:.2} px (standard deviation) in x and y.",
-            camera.jitter
+            camera.lenslets.jitter
         ),
         head: ["", "found", "true"].map(str::to_owned).to_vec(),
         rows,

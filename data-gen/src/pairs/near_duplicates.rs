@@ -1,30 +1,33 @@
-//! Near twins among pairs: repeated patterns teach nothing new, and weigh more than they should.
+//! Near duplicates among pairs: those of repeated patterns add nothing new, and would get too much weight.
 
 use std::collections::HashMap;
 
-/// Two pairs are twins when both their features and their residuals differ by less than this part of the one's norm.
+/// Two pairs are near duplicates when both their features and their residuals differ by less than this part of the norm.
+/// Source: chosen.
 const NEAR: f32 = 0.1;
-/// Leading features whose rounded values name the bucket that is searched. They are the strongest components.
+/// Leading features, the strongest components, whose rounded values name the bucket that is searched.
+/// Source: chosen.
 const LEADING: usize = 6;
 /// Members of a bucket that a pair is compared with, the latest ones.
-const LOOK: usize = 16;
+/// Source: chosen; bounds the time for buckets of many members.
+const COMPARED: usize = 16;
 
-/// The pairs seen so far, in buckets of rounded unit features. Twins on two sides of a rounding border are missed; what is
-/// found depends only on the pairs and their order.
+/// The pairs so far, in buckets of rounded unit features. Near duplicates on two sides of a rounding border are missed; what
+/// is found depends only on the pairs and their order.
 #[derive(Debug, Default)]
-pub(super) struct Twins {
+pub(super) struct NearDuplicates {
     buckets: HashMap<[i8; LEADING + 1], Vec<u32>>,
     seen: u32,
 }
 
-impl Twins {
-    /// Whether the last row of `features` (rows of `m`) and `residuals` (rows of `p`) has no twin before it; then it is
-    /// remembered, otherwise the caller must take it away again.
+impl NearDuplicates {
+    /// Whether the last row of `features` (rows of `m`) and `residuals` (rows of `p`) has no near duplicate before it; then it
+    /// is kept in a bucket, otherwise the caller must remove the row.
     pub(super) fn is_new(&mut self, features: &[f32], residuals: &[f32], m: usize, p: usize) -> bool {
         let row = self.seen as usize;
         let (f, r) = (&features[row * m..(row + 1) * m], &residuals[row * p..(row + 1) * p]);
         let bucket = self.buckets.entry(key(f)).or_default();
-        let twin = bucket.iter().rev().take(LOOK).any(|&other| {
+        let twin = bucket.iter().rev().take(COMPARED).any(|&other| {
             let other = other as usize;
             near(f, &features[other * m..(other + 1) * m]) && near(r, &residuals[other * p..(other + 1) * p])
         });
@@ -58,7 +61,7 @@ mod tests {
 
     #[test]
     fn only_pairs_alike_in_both_halves_are_twins() {
-        let mut twins = Twins::default();
+        let mut twins = NearDuplicates::default();
         let (mut f, mut r) = (vec![1.0f32, 0.1, 0.3], vec![0.5f32, -0.5]);
         assert!(twins.is_new(&f, &r, 3, 2));
         let mut add = |features: [f32; 3], residuals: [f32; 2]| {

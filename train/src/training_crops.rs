@@ -1,17 +1,19 @@
-//! Photos to crops, split into those that train and those held out for scores.
+//! Photos to crops: those that train, and those held out for scores.
 
 use std::path::PathBuf;
 
-use lenslet_core::dictionary::{Footprint, Interpolation, Photo};
+use lenslet_core::dictionary::{Footprint, Photo};
+use lenslet_core::lightfield::ColourSpace;
 use lenslet_core::progress::Observer;
-use lenslet_data_gen::pairs::{self, Crop, Degradation, Loaded, crops, find_photos, load_photo_in};
+use lenslet_data_gen::pairs::{Crop, CropOptions, cut_crops};
+use lenslet_data_gen::photo::{LEAST_SIDE, LuminancePhoto, PhotoSet};
 use ndarray::{ArrayView2, Axis};
 
-use super::{Error, Parameters};
+use crate::error::Error;
+use crate::parameters::Parameters;
 
-/// Shortest side of a usable photo, pixels.
-const LEAST: usize = 64;
 /// Crops of the last photo that are kept for scores, where it is the one held out.
+/// Source: chosen.
 const MOST_OF_LAST: usize = 6;
 
 /// Which crops are kept for scores.
@@ -39,22 +41,22 @@ impl Split {
 }
 
 /// The first three quarters of a photo along its longer side, and the rest where it is large enough to be of use.
-fn cut_apart(photo: &Loaded) -> (Loaded, Option<Loaded>) {
+fn cut_apart(photo: &LuminancePhoto) -> (LuminancePhoto, Option<LuminancePhoto>) {
     let (h, w) = photo.luminance.dim();
     let axis = Axis(usize::from(w > h));
     let long = h.max(w);
     let at = long - long / 4;
-    if (long / 4).min(h.min(w)) < LEAST {
+    if (long / 4).min(h.min(w)) < LEAST_SIDE {
         return (photo.clone(), None);
     }
     let (most, rest) = photo.luminance.view().split_at(axis, at);
-    let part = |plane: ArrayView2<'_, f32>| Loaded { luminance: plane.to_owned(), ..photo.clone() };
+    let part = |plane: ArrayView2<'_, f32>| LuminancePhoto { luminance: plane.to_owned(), ..photo.clone() };
     (part(most), Some(part(rest)))
 }
 
 /// Crops of one footprint.
 #[derive(Debug, Clone)]
-pub struct Data {
+pub struct TrainingCrops {
     /// Crops that train.
     pub train: Vec<Crop>,
     /// Crops that do not; none of them shows what a training crop shows.
@@ -65,80 +67,57 @@ pub struct Data {
     pub skipped: Vec<String>,
 }
 
-/// How one footprint's low images come about.
-pub fn degradation(parameters: &Parameters, footprint: Footprint) -> Degradation {
-    let plain = if footprint == Footprint::Grid { Interpolation::Bicubic } else { Interpolation::Barycentric };
-    let base = parameters.base.unwrap_or(plain);
-    Degradation { pitch: parameters.pitch, rotation: parameters.rotation, footprint, base, noise: parameters.noise }
-}
-
 /// Reads the photos and cuts crops, some of them held out of training: one of every n-th photo; where there are fewer
-/// photos those of the last one; of one to three photos a quarter each. A photo that cannot be used is noted and left out. One photo is in memory at a time.
+/// photos those of the last one; of one to three photos a quarter each. A photo that cannot be used is noted and left out.
+/// One photo is in memory at a time.
 ///
 /// # Errors
 /// When no photo is left, or paths or parameters are wrong.
-pub fn gather(
+pub fn cut_training_crops(
     inputs: &[PathBuf],
     parameters: &Parameters,
     footprint: Footprint,
     observer: &dyn Observer,
-) -> Result<Data, Error> {
-    let files = find_photos(inputs)?;
-    let degradation = degradation(parameters, footprint);
-    let mut data = Data { train: Vec::new(), held_out: Vec::new(), photos: Vec::new(), skipped: Vec::new() };
-    observer.begin("photos", files.len() as u64);
-    let split = Split::of(files.len(), parameters.held_out);
-    for path in &files {
-        if observer.cancelled() {
-            return Err(Error::Interrupted);
-        }
-        observer.advance(1);
-        let mut leave_out = |e: pairs::Error| {
-            let note = format!("left out: {e}");
-            observer.note(&note);
-            data.skipped.push(note);
-        };
-        let photo = match load_photo_in(path, LEAST, parameters.linear_light) {
-            Ok(photo) => photo,
-            Err(e) => {
-                leave_out(e);
-                continue;
-            }
-        };
-        let index = data.photos.len();
-        let cut = |photo: &Loaded, count: usize| {
-            let p = parameters;
-            crops(photo, index, count, p.crop, p.shrink, &degradation, p.seed)
-        };
+) -> Result<TrainingCrops, Error> {
+    let p = &parameters.pairs;
+    let encoding = if p.linear_light { ColourSpace::Linear } else { ColourSpace::Srgb };
+    let photos = PhotoSet::find(inputs, encoding)?;
+    let options = CropOptions {
+        size: p.crop,
+        shrink: p.shrink,
+        degradation: parameters.degradation.for_footprint(footprint),
+        seed: parameters.seed,
+    };
+    let mut crops = TrainingCrops { train: Vec::new(), held_out: Vec::new(), photos: Vec::new(), skipped: Vec::new() };
+    let split = Split::of(photos.len(), p.held_out);
+    let report = photos.for_each(observer, |index, _, photo| {
         match split {
-            Split::Every(n) if index % n == n - 1 => data.held_out.extend(cut(&photo, 1)?),
+            Split::Every(n) if index % n == n - 1 => crops.held_out.extend(cut_crops(photo, index, 1, &options)?),
             Split::Within => {
-                let (most, rest) = cut_apart(&photo);
-                data.train.extend(cut(&most, parameters.crops)?);
+                let (most, rest) = cut_apart(photo);
+                crops.train.extend(cut_crops(&most, index, p.crops, &options)?);
                 if let Some(rest) = rest {
-                    data.held_out.extend(cut(&rest, 2)?);
+                    crops.held_out.extend(cut_crops(&rest, index, 2, &options)?);
                 }
             }
-            _ => data.train.extend(cut(&photo, parameters.crops)?),
+            _ => crops.train.extend(cut_crops(photo, index, p.crops, &options)?),
         }
-        data.photos.push(Photo { file: photo.name, sha256: photo.sha256 });
-    }
-    if split == Split::Last && data.photos.len() > 1 {
-        let last = data.photos.len() - 1;
-        let (kept, mut held_out): (Vec<Crop>, Vec<Crop>) = data.train.into_iter().partition(|c| c.photo != last);
+        Ok::<(), Error>(())
+    })?;
+    (crops.photos, crops.skipped) = (report.used, report.skipped);
+    if split == Split::Last && crops.photos.len() > 1 {
+        let last = crops.photos.len() - 1;
+        let (kept, mut held_out): (Vec<Crop>, Vec<Crop>) = crops.train.into_iter().partition(|c| c.photo != last);
         held_out.truncate(MOST_OF_LAST);
-        (data.train, data.held_out) = (kept, held_out);
+        (crops.train, crops.held_out) = (kept, held_out);
     }
-    if data.train.is_empty() {
-        let of = files.len();
-        return Err(Error::TooLittle(format!("none of {of} files is a usable photo: {}", data.skipped.join("; "))));
-    }
-    Ok(data)
+    Ok(crops)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::parameters::PairParameters;
     use lenslet_core::progress::Silent;
 
     fn photos(folder: &std::path::Path, count: u32) -> Vec<PathBuf> {
@@ -153,10 +132,11 @@ mod tests {
         (0..count).map(save).collect()
     }
 
-    fn gathered(count: u32, held_out: usize) -> Data {
+    fn gathered(count: u32, held_out: usize) -> TrainingCrops {
         let folder = tempfile::tempdir().unwrap();
-        let parameters = Parameters { held_out, crop: 40, crops: 9, shrink: 1.0, ..Parameters::default() };
-        gather(&photos(folder.path(), count), &parameters, Footprint::Point, &Silent).unwrap()
+        let pairs = PairParameters { held_out, crop: 40, crops: 9, shrink: 1.0, ..PairParameters::default() };
+        let parameters = Parameters { pairs, ..Parameters::default() };
+        cut_training_crops(&photos(folder.path(), count), &parameters, Footprint::Point, &Silent).unwrap()
     }
 
     #[test]

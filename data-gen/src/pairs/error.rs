@@ -1,0 +1,29 @@
+//! Why pairs cannot be made.
+
+use lenslet_core::progress::Interrupted;
+
+use crate::photo;
+
+/// What goes wrong in making pairs.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A photo cannot be used.
+    #[error(transparent)]
+    Photo(#[from] photo::Error),
+    /// A parameter out of range.
+    #[error("{0}")]
+    Parameter(String),
+    /// Sampling refused.
+    #[error(transparent)]
+    Sampling(#[from] lenslet_core::sampling::Error),
+    /// Features or filters refused.
+    #[error(transparent)]
+    Dictionary(#[from] lenslet_core::dictionary::Error),
+    /// Output failed.
+    #[error(transparent)]
+    Output(#[from] lenslet_core::output::Error),
+    /// The caller asked to stop.
+    #[error(transparent)]
+    Interrupted(#[from] Interrupted),
+}

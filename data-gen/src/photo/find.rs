@@ -1,0 +1,49 @@
+//! Photos in folders, by their names.
+
+use std::path::{Path, PathBuf};
+
+use super::error::Error;
+
+/// File names (lower case) that count as photos when a folder is searched.
+const EXTENSIONS: [&str; 8] = ["jpg", "jpeg", "png", "tif", "tiff", "ppm", "pgm", "pnm"];
+
+/// Folders within folders that are searched.
+/// Source: chosen.
+const MOST_DEPTH: usize = 16;
+
+/// Files as given, and the photos inside folders as given (sorted by name, subfolders too).
+///
+/// # Errors
+/// [`Error::Read`] for a path that does not exist, or a folder that cannot be listed.
+pub fn find_photos(inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Error> {
+    let mut found = Vec::new();
+    for input in inputs {
+        let wrong = |reason| Error::Read { path: input.clone(), reason };
+        if std::fs::metadata(input).map_err(wrong)?.is_dir() {
+            collect_photos(input, 0, &mut found).map_err(wrong)?;
+        } else {
+            found.push(input.clone());
+        }
+    }
+    Ok(found)
+}
+
+fn collect_photos(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) -> std::io::Result<()> {
+    let mut entries = std::fs::read_dir(folder)?.collect::<Result<Vec<_>, _>>()?;
+    entries.sort_by_key(std::fs::DirEntry::file_name);
+    for entry in entries {
+        let path = entry.path();
+        // Links are followed to files but not to folders, which might lead in a circle.
+        if entry.file_type()?.is_dir() {
+            if depth < MOST_DEPTH {
+                collect_photos(&path, depth + 1, found)?;
+            }
+        } else {
+            let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+            if extension.is_some_and(|e| EXTENSIONS.contains(&e.as_str())) && path.is_file() {
+                found.push(path);
+            }
+        }
+    }
+    Ok(())
+}

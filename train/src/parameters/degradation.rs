@@ -1,0 +1,59 @@
+//! Parameters of what the camera makes of a sharp crop.
+
+use lenslet_core::dictionary::Footprint;
+use lenslet_core::interpolation::Interpolation;
+use lenslet_data_gen::pairs::Degradation;
+
+use super::range::within;
+use crate::error::Error;
+
+/// What the camera makes of a sharp crop.
+///
+/// | name | default | purpose | range |
+/// |---|---|---|---|
+/// | `footprints` | lenslet, point | what a sample sees, one model for each; grid: a rectangular grid | 1 to 4 of them |
+/// | `base` | by footprint | interpolation of the low images: barycentric, bicubic for grids; multiview where the caller makes the crops | |
+/// | `pitch` | 1080/328 | distance of the samples, output pixels | 1 … 64 |
+/// | `rotation` | 0.002 | rotation of the lattice, radians | −π … π |
+/// | `noise` | 0 | standard deviation of noise on the samples (range 0..1) | 0 … 1 |
+#[derive(Debug, Clone, PartialEq)]
+#[allow(missing_docs)] // the table above says it
+pub struct DegradationParameters {
+    pub footprints: Vec<Footprint>,
+    pub base: Option<Interpolation>,
+    pub pitch: f64,
+    pub rotation: f64,
+    pub noise: f32,
+}
+
+impl Default for DegradationParameters {
+    fn default() -> Self {
+        DegradationParameters {
+            footprints: vec![Footprint::Lenslet, Footprint::Point],
+            base: None,
+            pitch: 1080.0 / 328.0,
+            rotation: 0.002,
+            noise: 0.0,
+        }
+    }
+}
+
+impl DegradationParameters {
+    /// The degradation of one footprint.
+    #[must_use]
+    pub fn for_footprint(&self, footprint: Footprint) -> Degradation {
+        let plain = if footprint == Footprint::Grid { Interpolation::Bicubic } else { Interpolation::Barycentric };
+        let base = self.base.unwrap_or(plain);
+        Degradation { pitch: self.pitch, rotation: self.rotation, footprint, base, noise: self.noise }
+    }
+
+    pub(super) fn check(&self) -> Result<(), Error> {
+        within("pitch", self.pitch, 1.0, 64.0)?;
+        within("rotation", self.rotation, -std::f64::consts::PI, std::f64::consts::PI)?;
+        within("noise", self.noise, 0.0, 1.0)?;
+        if self.footprints.is_empty() || self.footprints.len() > 4 {
+            return Err(Error::Parameter("one to four footprints are needed".into()));
+        }
+        Ok(())
+    }
+}
