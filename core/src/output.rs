@@ -159,8 +159,8 @@ fn exchange_paths(_: &Path, _: &Path) -> io::Result<()> {
     Err(io::ErrorKind::Unsupported.into())
 }
 
-/// The same in two steps, where the file system cannot exchange. If a run is killed between them, [`sweep_leftovers`] puts the old
-/// output back.
+/// The same in two steps, where the file system cannot exchange. If a run is killed between them, [`sweep_leftovers`]
+/// puts the old output back.
 fn step_aside(temporary: &Path, target: &Path) -> io::Result<()> {
     let aside = aside_of(temporary);
     fs::rename(target, &aside)?;
@@ -186,8 +186,8 @@ fn sweep_leftovers(parent: &Path, prefix: &std::ffi::OsStr, target: &Path) {
         let bytes = name.as_encoded_bytes();
         let Some(rest) = bytes.strip_prefix(prefix.as_encoded_bytes()) else { continue };
         let digits: String = rest.iter().map_while(|b| b.is_ascii_digit().then_some(*b as char)).collect();
-        // A file with this process's own number is of an earlier process with the same number, as after every start of a
-        // container.
+        // A file with this process's own number is of an earlier process with the same number, as after every start of
+        // a container.
         let dead = digits.parse().is_ok_and(|pid: u32| pid == std::process::id() || !is_alive(pid));
         if !dead {
             continue;

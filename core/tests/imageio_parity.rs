@@ -1,4 +1,5 @@
-//! The same pixels as imageio's readers `lytro-f01-raw` and `lytro-illum-raw` (fixture and generator: tests/reference/imageio_raw.*).
+//! The same pixels as imageio's readers `lytro-f01-raw` and `lytro-illum-raw` (fixture and generator:
+//! tests/reference/imageio_raw.*).
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
 

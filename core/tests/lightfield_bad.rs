@@ -10,7 +10,8 @@ use lenslet_core::lightfield::{ColourSpace, Error, Format, LightField, Meta, Rea
 use ndarray::{Array3, Array5, ShapeBuilder};
 use rand::{RngExt, SeedableRng, rngs::ChaCha8Rng};
 
-/// Changed copies of each file that are tried; LENSLET_MUTATIONS asks for more (20000 take minutes, all of them file access).
+/// Changed copies of each file that are tried; LENSLET_MUTATIONS asks for more (20000 take minutes, all of them file
+/// access).
 fn mutations() -> usize {
     std::env::var("LENSLET_MUTATIONS").ok().and_then(|n| n.parse().ok()).unwrap_or(500)
 }

@@ -1,6 +1,6 @@
-//! Numbers that files declare: each in turn is made absurd, up to 2⁶³ and beyond, NaN and infinite; texts are nested deeply or
-//! made huge; large files are cut off at 200 random lengths. Every reader answers with an error or a sound value, within bounded
-//! memory.
+//! Numbers that files declare: each in turn is made absurd, up to 2⁶³ and beyond, NaN and infinite; texts are nested
+//! deeply or made huge; large files are cut off at 200 random lengths. Every reader answers with an error or a sound
+//! value, within bounded memory.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it did
 

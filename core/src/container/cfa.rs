@@ -19,8 +19,8 @@ pub enum Cfa {
 }
 
 impl Cfa {
-    /// Channel of the pixel at column `x`, row `y`: 0 red, 1 green on red rows, 2 green on blue rows, 3 blue; 1 everywhere
-    /// without a filter.
+    /// Channel of the pixel at column `x`, row `y`: 0 red, 1 green on red rows, 2 green on blue rows, 3 blue; 1
+    /// everywhere without a filter.
     #[inline]
     pub fn plane(self, x: usize, y: usize) -> usize {
         let k = (y & 1) * 2 + (x & 1);

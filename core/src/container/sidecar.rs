@@ -6,8 +6,8 @@ use super::error::Error;
 use super::metadata::{self, FrameFacts};
 use super::{file, json};
 
-/// The facts of the first .txt or .json beside `path` that states an image size or levels. The ending may be in capitals.
-/// A file that cannot be read adds a warning.
+/// The facts of the first .txt or .json beside `path` that states an image size or levels. The ending may be in
+/// capitals. A file that cannot be read adds a warning.
 pub(super) fn read_sidecar(path: &Path, warnings: &mut Vec<String>) -> Option<FrameFacts> {
     for extension in ["txt", "TXT", "json", "JSON"] {
         let beside = path.with_extension(extension);

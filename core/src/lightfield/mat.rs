@@ -1,7 +1,8 @@
 //! MATLAB files, level 5 (MathWorks, "MAT-File Format"): the light field is an array of 4 or 5 dimensions
 //! (v, u, t, s[, c]) in column-major order, plain or compressed; a fourth channel is a weight and is left out.
 //!
-//! LFToolbox writes such an `LF` (uint16, 65535 = 1, weight last); the networks of the BasicLFSR family read one (0..1).
+//! LFToolbox writes such an `LF` (uint16, 65535 = 1, weight last); the networks of the BasicLFSR family read one
+//! (0..1).
 
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Read, Seek, SeekFrom, Write};
@@ -23,15 +24,20 @@ use crate::output::Pending;
 pub(super) const MAGIC: &[u8] = b"MATLAB 5.0 MAT-file";
 /// First bytes of a level 7.3 file, which is HDF5 behind the same kind of header.
 const MAGIC_73: &[u8] = b"MATLAB 7.3 MAT-file";
+/// First bytes of an HDF5 file.
 const MAGIC_HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
+/// Length of a file's header, bytes.
 const HEADER: u64 = 128;
-/// Most variables looked at, dimensions of an array, bytes of a name.
+/// Most variables looked at.
 const MAX_VARIABLES: usize = 10_000;
+/// Most dimensions of an array.
 const MAX_DIMENSIONS: usize = 32;
+/// Longest name of a variable, bytes.
 const MAX_NAME: u64 = 256;
 /// Largest array read or written, bytes; level 5 itself ends at 2 GiB.
 const MAX_ARRAY: u64 = (1 << 31) - 4096;
 
+// Data types, array classes and flags of the format (tables 1-1 and 1-3).
 const MI_MATRIX: u32 = 14;
 const MI_COMPRESSED: u32 = 15;
 const MI_INT8: u32 = 1;
@@ -285,8 +291,8 @@ fn full_scale(class: u8) -> Option<f32> {
     }
 }
 
-/// Writes a MATLAB file with the variable `LF` (v, u, t, s, c), single, uncompressed. The values stay in memory until it
-/// is finished.
+/// Writes a MATLAB file with the variable `LF` (v, u, t, s, c), single, uncompressed. The values stay in memory until
+/// it is finished.
 pub(super) struct Writer {
     meta: Meta,
     written: Vec<bool>,

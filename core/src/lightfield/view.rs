@@ -1,5 +1,5 @@
-//! One view (sub-aperture image), with its colour space in its type: what is in linear light cannot be taken for what is
-//! encoded, nor the other way round.
+//! One view (sub-aperture image), with its colour space in its type: what is in linear light cannot be taken for what
+//! is encoded, nor the other way round.
 
 use std::marker::PhantomData;
 

@@ -1,7 +1,7 @@
 //! A bounded queue of jobs on the rayon pool, so that encoding and writing overlap decoding.
 //!
-//! Nothing blocks while the caller could do the work: with a full queue [`WriteQueue::submit`] runs the job at once, and
-//! [`WriteQueue::wait`] works on the pool's jobs when it is called on a pool thread, so one thread suffices.
+//! Nothing blocks while the caller could do the work: with a full queue [`WriteQueue::submit`] runs the job at once,
+//! and [`WriteQueue::wait`] works on the pool's jobs when it is called on a pool thread, so one thread suffices.
 
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::Duration;

@@ -15,6 +15,7 @@ const COARSEST: usize = 48;
 /// Source: chosen; a handful is usual.
 const STEPS: usize = 30;
 /// Rows a job; fixed, so that sums do not depend on the number of threads.
+/// Source: chosen.
 const BAND: usize = 16;
 
 /// The map of a picture onto another, and the relation of their values.

@@ -6,9 +6,9 @@ use super::error::Error;
 use super::psnr::psnr;
 use crate::sampling::bicubic;
 
-/// PSNR in dB of `other`, warped by `disparity`, against `centre` (both (t, s, c)), `border` pixels left out on each side.
-/// `disparity` (t, s) is in pixels a view step, `steps` (u, v) the number of views that `other` is to the right of and below
-/// `centre`. Only for scenes without occlusions.
+/// PSNR in dB of `other`, warped by `disparity`, against `centre` (both (t, s, c)), `border` pixels left out on each
+/// side. `disparity` (t, s) is in pixels a view step, `steps` (u, v) the number of views that `other` is to the right
+/// of and below `centre`. Only for scenes without occlusions.
 ///
 /// # Errors
 /// As [`psnr`]; also when the border leaves nothing.
@@ -17,7 +17,8 @@ use crate::sampling::bicubic;
 /// use lenslet_core::metrics::view_consistency;
 /// use ndarray::{Array2, Array3};
 ///
-/// let view = |shift: f32| Array3::from_shape_fn((30, 40, 1), |(_, s, _)| 0.5 + 0.3 * (0.3 * (s as f32 - shift)).sin());
+/// let wave = |x: f32| 0.5 + 0.3 * (0.3 * x).sin();
+/// let view = |shift: f32| Array3::from_shape_fn((30, 40, 1), |(_, s, _)| wave(s as f32 - shift));
 /// let disparity = Array2::from_elem((30, 40), 0.5);
 /// let right = view_consistency(view(0.0).view(), view(1.0).view(), disparity.view(), (2.0, 0.0), 4)?;
 /// let wrong = view_consistency(view(0.0).view(), view(1.0).view(), disparity.view(), (0.0, 0.0), 4)?;

@@ -1,5 +1,5 @@
-//! Scores of pictures: PSNR and SSIM against a truth, sharpness and jaggedness of edges, contrast of patterns, agreement
-//! of views, and the registration that makes results of other tools comparable.
+//! Scores of pictures: PSNR and SSIM against a truth, sharpness and jaggedness of edges, contrast of patterns,
+//! agreement of views, and the registration that makes results of other tools comparable.
 //!
 //! [`Scores::between`] gives the three numbers that every table of this project shows.
 

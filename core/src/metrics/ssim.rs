@@ -16,6 +16,7 @@ const C1: f64 = 0.01 * 0.01;
 /// Source: the paper, (K₂L)² with K₂ = 0.03.
 const C2: f64 = 0.03 * 0.03;
 /// Rows a job; fixed, so that sums do not depend on the number of threads.
+/// Source: chosen.
 const BAND: usize = 32;
 
 /// The window whose statistics are compared.
