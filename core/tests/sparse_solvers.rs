@@ -310,7 +310,7 @@ fn samplings_of_their_own() {
 #[test]
 fn the_path_passes_through_the_answers() {
     let (dictionary, signals) = fixture();
-    let knots = sparse::path(&dictionary, signals.row(0), 0.05, 1000, false).unwrap();
+    let knots = sparse::homotopy_path(&dictionary, signals.row(0), 0.05, 1000, false).unwrap();
     assert!(knots.windows(2).all(|w| w[0].lambda >= w[1].lambda));
     assert!((knots.last().unwrap().lambda - 0.05).abs() < 1e-12);
     let one = signals.slice(s![..1, ..]);

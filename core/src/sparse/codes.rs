@@ -1,8 +1,11 @@
 //! Sparse codes of many signals in compressed rows, and what is done with them.
 
-use super::{Ended, Error, Prepared};
 use ndarray::{Array2, ArrayView2, Axis};
 use rayon::prelude::*;
+
+use super::error::Error;
+use super::prepared::Prepared;
+use super::problem::{Ended, Finished};
 
 /// Sparse codes of N signals in compressed rows: signal n has entries `indptr[n]..indptr[n+1]`.
 #[derive(Debug, Clone, Default)]
@@ -26,8 +29,8 @@ pub struct Codes {
 }
 
 impl Codes {
-    /// None yet, with room for so many signals with so many entries together.
-    pub(super) fn with_room(signals: usize, entries: usize) -> Codes {
+    /// No signals yet, with room for so many that have so many entries together.
+    pub(crate) fn with_room(signals: usize, entries: usize) -> Codes {
         let mut indptr = Vec::with_capacity(signals + 1);
         indptr.push(0);
         Codes {
@@ -40,6 +43,50 @@ impl Codes {
             ended: Vec::with_capacity(signals),
             redone_in_f64: 0,
         }
+    }
+
+    /// Appends one signal's code, `entries` in any order, atoms by their number inside; zeros are left out.
+    pub(crate) fn push_unsorted(&mut self, dictionary: &Prepared, entries: &mut [(u32, f32)], finished: &Finished) {
+        for entry in entries.iter_mut() {
+            entry.0 = dictionary.outside(entry.0);
+        }
+        entries.sort_unstable_by_key(|e| e.0);
+        self.push_sorted(entries, finished);
+    }
+
+    /// Appends one signal's code, atoms by their number outside and ascending; zeros are left out.
+    pub(crate) fn push_sorted(&mut self, entries: &[(u32, f32)], finished: &Finished) {
+        if entries.iter().all(|e| e.1 != 0.0) {
+            self.atoms.extend(entries.iter().map(|e| e.0));
+            self.values.extend(entries.iter().map(|e| e.1));
+        } else {
+            self.atoms.extend(entries.iter().filter(|e| e.1 != 0.0).map(|e| e.0));
+            self.values.extend(entries.iter().filter(|e| e.1 != 0.0).map(|e| e.1));
+        }
+        self.indptr.push(self.atoms.len());
+        self.gaps.push(finished.gap);
+        self.lambdas.push(finished.lambda);
+        self.iterations.push(finished.iterations);
+        self.ended.push(finished.ended);
+    }
+
+    /// Blocks of signals one after the other.
+    pub(crate) fn concatenate(blocks: &[Codes]) -> Codes {
+        let signals = blocks.iter().map(Codes::len).sum();
+        let entries = blocks.iter().map(Codes::nonzeros).sum();
+        let mut all = Codes::with_room(signals, entries);
+        for block in blocks {
+            let base = all.atoms.len();
+            all.indptr.extend(block.indptr.iter().skip(1).map(|&p| p + base));
+            all.atoms.extend_from_slice(&block.atoms);
+            all.values.extend_from_slice(&block.values);
+            all.gaps.extend_from_slice(&block.gaps);
+            all.lambdas.extend_from_slice(&block.lambdas);
+            all.iterations.extend_from_slice(&block.iterations);
+            all.ended.extend_from_slice(&block.ended);
+            all.redone_in_f64 += block.redone_in_f64;
+        }
+        all
     }
 
     /// Number of signals.
@@ -81,11 +128,23 @@ impl Codes {
         self.ended.iter().all(|&e| e == Ended::Converged)
     }
 
-    /// N×p: each signal's code times `other` (K×p) — with the dictionary itself the approximations, with the
+    /// `other`ᵀφ of every signal (N×p, for `other` K×p): with the dictionary itself the approximations Dᵀφ, with the
     /// high-resolution twin of a coupled dictionary the reconstructed patches.
     ///
     /// # Errors
-    /// A code that names an atom `other` does not have.
+    /// [`Error::Shape`] for a code that names an atom `other` does not have.
+    ///
+    /// ```
+    /// use lenslet_core::sparse::{self, Options, Penalty};
+    /// use ndarray::array;
+    ///
+    /// let low = sparse::prepare(array![[1.0f32, 0.0], [0.0, 1.0]].view())?;
+    /// let options = Options { penalty: Penalty::Lambda(0.5), ..Options::default() };
+    /// let codes = sparse::solve(&low, array![[2.5, 0.0]].view(), &options)?;
+    /// let high = array![[1.0f32, 2.0, 3.0], [0.0, 0.0, 1.0]];
+    /// assert_eq!(codes.multiply(high.view())?, array![[2.0, 4.0, 6.0]]);
+    /// # Ok::<(), sparse::Error>(())
+    /// ```
     pub fn multiply(&self, other: ArrayView2<'_, f32>) -> Result<Array2<f32>, Error> {
         if let Some(&most) = self.atoms.iter().max()
             && most as usize >= other.nrows()
@@ -109,10 +168,25 @@ impl Codes {
         Ok(out)
     }
 
-    /// ½‖y − Dᵀφ‖² + λ‖φ‖₁ of every signal, in f64, with the λ of each.
+    /// ½‖y − Dᵀφ‖² + λ‖φ‖₁ of every signal, in f64, with the λ of each (in [`Codes::lambdas`]).
     ///
     /// # Errors
-    /// Signals (N×m) or codes that do not fit the dictionary.
+    /// [`Error::Shape`] for signals (N×m) or codes that do not fit the dictionary.
+    ///
+    /// The gap proves how near the minimum an objective is:
+    /// ```
+    /// use lenslet_core::sparse::{self, Options, Penalty};
+    /// use ndarray::array;
+    ///
+    /// let dictionary = sparse::prepare(array![[1.0f32, 0.0], [0.6, 0.8]].view())?;
+    /// let signals = array![[1.0f32, 1.0]];
+    /// let options = Options { penalty: Penalty::Lambda(0.2), ..Options::default() };
+    /// let codes = sparse::solve(&dictionary, signals.view(), &options)?;
+    /// let objective = codes.objectives(&dictionary, signals.view())?[0];
+    /// // The minimum is 0.275, at φ = (0.125, 1.125).
+    /// assert!((objective - 0.275).abs() <= codes.gaps[0] + 1e-6 && codes.gaps[0] <= 1e-6);
+    /// # Ok::<(), sparse::Error>(())
+    /// ```
     pub fn objectives(&self, dictionary: &Prepared, signals: ArrayView2<'_, f32>) -> Result<Vec<f64>, Error> {
         if signals.dim() != (self.len(), dictionary.signal_len()) {
             return Err(Error::Shape(format!(

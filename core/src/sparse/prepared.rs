@@ -1,16 +1,16 @@
 //! A dictionary made ready for solving: atoms in padded rows and in panels for the product, and the Gram matrix G = D Dᵀ.
 //!
-//! Inside, atoms stand in an order of their own: sixteen atoms that resemble each other fill a chunk, so that the atoms a
-//! signal needs lie in few chunks. What comes out names them as they came in.
+//! Inside, atoms stand in another order: sixteen atoms that resemble each other fill a chunk, so that the atoms a signal
+//! needs lie in few chunks. Codes number them as the caller does.
 
-use super::Error;
-use super::product::{self, GROUP};
-use super::simd::{Chunk, Kernel, Lanes, Simd, dispatch, flat, flat_mut};
 use ndarray::{Array2, ArrayView2};
 
-/// Chunks of a panel: 64 atoms.
-pub(super) const PANEL: usize = 4;
-/// More atoms than this would need over a gibibyte of Gram matrix.
+use super::error::Error;
+use super::kernel::gap;
+use super::kernel::product::{Correlate, GROUP, PANEL, Panels};
+use super::kernel::simd::{Chunk, Kernel, Lanes, Simd, dispatch, flat, flat_mut};
+
+/// Most atoms accepted: more would need over a gibibyte of Gram matrix.
 const MOST_ATOMS: usize = 16_384;
 /// Longest signal accepted.
 const LONGEST_SIGNAL: usize = 1 << 14;
@@ -23,11 +23,10 @@ pub struct Prepared {
     order: Vec<u32>,
     /// Atoms again, rows padded with zeros to whole chunks.
     rows: Vec<Chunk>,
-    /// For every 64 atoms, for every value of a signal, that value of the 64 atoms.
-    panels: Vec<[Chunk; PANEL]>,
-    /// K rows of `width` chunks, zero beyond K.
+    /// Atoms a third time, as the product reads them.
+    panels: Panels,
+    /// K rows of chunks over all atoms, zero beyond K.
     gram: Vec<Chunk>,
-    width: usize,
     simd: Simd,
 }
 
@@ -58,55 +57,90 @@ impl Prepared {
         self
     }
 
-    /// Chunks of a row over all atoms (a multiple of [`PANEL`]).
+    /// Chunks of a row over all atoms.
     #[inline(always)]
-    pub(super) fn width(&self) -> usize {
-        self.width
+    pub(crate) fn width(&self) -> usize {
+        self.panels.width
     }
 
     #[inline(always)]
-    pub(super) fn gram(&self) -> &[Chunk] {
+    pub(crate) fn gram(&self) -> &[Chunk] {
         &self.gram
     }
 
     #[inline(always)]
-    pub(super) fn panels(&self) -> impl Iterator<Item = &[[Chunk; PANEL]]> {
-        self.panels.chunks_exact(self.signal_len())
+    pub(crate) fn panels(&self) -> &Panels {
+        &self.panels
     }
 
     /// Inner products of atom `k` of the order inside with every atom.
     #[inline(always)]
-    pub(super) fn gram_row(&self, k: usize) -> &[f32] {
-        &flat(&self.gram[k * self.width..(k + 1) * self.width])[..self.atom_count()]
+    pub(crate) fn gram_row(&self, k: usize) -> &[f32] {
+        &flat(&self.gram[k * self.width()..(k + 1) * self.width()])[..self.atom_count()]
     }
 
-    /// The number from outside of atom `k` of the order inside.
+    /// The caller's number of atom `k` of the order inside.
     #[inline(always)]
-    pub(super) fn outside(&self, k: u32) -> u32 {
+    pub(crate) fn outside(&self, k: u32) -> u32 {
         self.order[k as usize]
     }
 
     /// Atom `k` of the order inside, padded with zeros.
     #[inline(always)]
-    pub(super) fn padded_atom(&self, k: usize) -> &[Chunk] {
+    pub(crate) fn padded_atom(&self, k: usize) -> &[Chunk] {
         let chunks = self.signal_len().div_ceil(16);
         &self.rows[k * chunks..(k + 1) * chunks]
     }
 
+    /// Atom `k` of the order inside.
     #[inline(always)]
-    pub(super) fn atom(&self, k: usize) -> &[f32] {
+    pub(crate) fn atom(&self, k: usize) -> &[f32] {
         &flat(self.padded_atom(k))[..self.signal_len()]
+    }
+
+    /// D v in f64 for all atoms, in the order inside.
+    pub(crate) fn correlate_f64(&self, v: &[f64], out: &mut [f64]) {
+        let mut padded = v.to_vec();
+        padded.resize(v.len().next_multiple_of(16), 0.0);
+        dispatch(self.simd, CorrelateF64 { dictionary: self, v: padded.as_chunks::<16>().0, out });
     }
 }
 
-/// Prepares atoms (K×m, one unit-norm atom a row; norms within 1e-3 of 1) for solving.
+struct CorrelateF64<'a> {
+    dictionary: &'a Prepared,
+    v: &'a [[f64; 16]],
+    out: &'a mut [f64],
+}
+
+impl Kernel for CorrelateF64<'_> {
+    type Out = ();
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) {
+        for (k, out) in self.out.iter_mut().enumerate() {
+            *out = gap::inner_product(lanes, self.dictionary.padded_atom(k), self.v);
+        }
+    }
+}
+
+/// Prepares atoms (K×m, one unit-norm atom a row; norms within 1e-3 of 1) for solving. Costs one K×K Gram matrix.
 ///
 /// # Errors
 /// Non-finite atoms, empty shapes, norms far from one, more than 16,384 atoms or values a signal.
+///
+/// ```
+/// use lenslet_core::sparse::{self, Error};
+/// use ndarray::array;
+///
+/// let dictionary = sparse::prepare(array![[0.6f32, 0.8], [1.0, 0.0], [0.0, 1.0]].view())?;
+/// assert_eq!((dictionary.atom_count(), dictionary.signal_len()), (3, 2));
+/// let long = sparse::prepare(array![[3.0f32, 4.0]].view());
+/// assert!(matches!(long, Err(Error::Parameter(_))));
+/// # Ok::<(), Error>(())
+/// ```
 pub fn prepare(atoms: ArrayView2<'_, f32>) -> Result<Prepared, Error> {
     let (k, m) = atoms.dim();
     if k == 0 || m == 0 {
-        return Err(Error::Shape(format!("a dictionary of {k} atoms of {m} values has nothing to code with")));
+        return Err(Error::Shape(format!("a dictionary of {k} atoms of {m} values is empty")));
     }
     if k > MOST_ATOMS || m > LONGEST_SIGNAL {
         return Err(Error::Shape(format!(
@@ -124,7 +158,7 @@ pub fn prepare(atoms: ArrayView2<'_, f32>) -> Result<Prepared, Error> {
     }
     let atoms = atoms.as_standard_layout().into_owned();
     let as_given = arrange(atoms, (0..k as u32).collect());
-    let order = resembling(&gram(&as_given), k, as_given.width);
+    let order = similarity_order(&gram(&as_given), k, as_given.width());
     let prepared = arrange(as_given.atoms, order);
     let gram = gram(&prepared);
     Ok(Prepared { gram, ..prepared })
@@ -136,33 +170,34 @@ fn arrange(atoms: Array2<f32>, order: Vec<u32>) -> Prepared {
     let chunks = m.div_ceil(16);
     let width = k.div_ceil(16 * PANEL) * PANEL;
     let mut rows = vec![Chunk::ZERO; k * chunks];
-    let mut panels = vec![[Chunk::ZERO; PANEL]; width / PANEL * m];
+    let mut values = vec![[Chunk::ZERO; PANEL]; width / PANEL * m];
     for (row, &from) in order.iter().enumerate() {
         let padded = flat_mut(&mut rows[row * chunks..(row + 1) * chunks]);
         let (panel, lane) = (row / (16 * PANEL), row % (16 * PANEL));
         for (i, &v) in atoms.row(from as usize).iter().enumerate() {
             padded[i] = v;
-            panels[panel * m + i][lane / 16].0[lane % 16] = v;
+            values[panel * m + i][lane / 16].0[lane % 16] = v;
         }
     }
-    Prepared { atoms, order, rows, panels, gram: Vec::new(), width, simd: Simd::best() }
+    let panels = Panels { values, signal_len: m, width };
+    Prepared { atoms, order, rows, panels, gram: Vec::new(), simd: Simd::best() }
 }
 
 /// Rows of `width` chunks: inner products of all atoms with all atoms, in the order inside.
 fn gram(prepared: &Prepared) -> Vec<Chunk> {
-    let (k, m, width) = (prepared.atom_count(), prepared.signal_len(), prepared.width);
+    let (k, m, width) = (prepared.atom_count(), prepared.signal_len(), prepared.width());
     let mut gram = vec![Chunk::ZERO; k * width];
     // The rows of the atoms end in zeros: their stride is a whole number of chunks.
     let stride = 16 * m.div_ceil(16);
     for (rows, atoms) in gram.chunks_mut(GROUP * width).zip(flat(&prepared.rows).chunks(GROUP * stride)) {
-        dispatch(prepared.simd, Correlate { dictionary: prepared, signals: atoms, stride, out: rows });
+        dispatch(prepared.simd, Correlate { panels: &prepared.panels, signals: atoms, stride, out: rows });
     }
     gram
 }
 
-/// An order that puts atoms that resemble each other (|inner product|) into the same chunk: from the most resembled atom
-/// left, sixteen that resemble the chunk so far most; the lowest number of equals.
-fn resembling(gram: &[Chunk], k: usize, width: usize) -> Vec<u32> {
+/// An order that puts atoms that resemble each other (by |inner product|) into the same chunk: the atom that resembles the
+/// remaining ones most, then fifteen that resemble the chunk so far most; of equals the lowest number.
+fn similarity_order(gram: &[Chunk], k: usize, width: usize) -> Vec<u32> {
     let row = |i: usize| &flat(&gram[i * width..(i + 1) * width])[..k];
     let mut left = vec![true; k];
     let mut with_left: Vec<f32> = (0..k).map(|i| row(i).iter().map(|g| g.abs()).sum()).collect();
@@ -188,21 +223,4 @@ fn resembling(gram: &[Chunk], k: usize, width: usize) -> Vec<u32> {
         }
     }
     order
-}
-
-/// The product of a block of signals with all atoms.
-pub(super) struct Correlate<'a> {
-    pub dictionary: &'a Prepared,
-    pub signals: &'a [f32],
-    /// Values from one signal to the next.
-    pub stride: usize,
-    pub out: &'a mut [Chunk],
-}
-
-impl Kernel for Correlate<'_> {
-    type Out = ();
-    #[inline(always)]
-    fn run<S: Lanes>(self, lanes: S) {
-        product::correlate(lanes, self.dictionary, self.signals, self.stride, self.out);
-    }
 }

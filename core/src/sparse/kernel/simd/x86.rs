@@ -1,5 +1,6 @@
 //! The instructions of x86-64: AVX-512 and AVX2 with FMA.
-use super::{Chunk, Kernel, Lanes, UNITS};
+use super::chunk::{Chunk, UNITS};
+use super::lanes::{Kernel, Lanes};
 use std::arch::x86_64::*;
 
 /// # Safety

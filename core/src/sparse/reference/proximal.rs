@@ -1,16 +1,17 @@
 //! Proximal gradient, min ½‖y − Dᵀφ‖² + λ‖φ‖₁: ISTA, φ ← soft(φ + (Dy − Gφ)/L, λ/L), and FISTA (Beck & Teboulle 2009).
 //!
-//! The textbook's way, kept as an oracle of the others. L bounds the largest eigenvalue of G.
+//! The textbook solvers, kept as oracles of the others. L is an upper bound of the largest eigenvalue of G.
 
-use super::prepared::Prepared;
-use super::solve::{Finished, Problem, Work};
-use super::{Ended, Solver};
+use crate::sparse::prepared::Prepared;
+use crate::sparse::problem::{Ended, Finished, Problem, Work};
 
-/// Iterations between two looks at the gap.
+/// Iterations between two computations of the gap.
+///
+/// Source: chosen.
 const BETWEEN_GAPS: u32 = 10;
 
-/// The largest eigenvalue of G, from above by a hair: power iteration from a fixed start, 1 % on top.
-pub(super) fn largest_eigenvalue(dictionary: &Prepared) -> f32 {
+/// The largest eigenvalue of G by power iteration from a fixed start, and 1 % more, so that it is an upper bound.
+fn largest_eigenvalue(dictionary: &Prepared) -> f32 {
     let k = dictionary.atom_count();
     let mut v: Vec<f64> = (0..k).map(|i| 1.0 + 0.5 * ((i * 7919 % 101) as f64 / 101.0 - 0.5)).collect();
     let mut value = 1.0;
@@ -31,9 +32,19 @@ pub(super) fn largest_eigenvalue(dictionary: &Prepared) -> f32 {
     (value * 1.01) as f32
 }
 
-/// Solves one signal by ISTA, or FISTA where `solver` says so.
-pub(super) fn solve(problem: &Problem<'_>, work: &mut Work, solver: Solver, eigenvalue: f32) -> Finished {
+/// Solves one signal by ISTA.
+pub(crate) fn ista(problem: &Problem<'_>, work: &mut Work) -> Finished {
+    descend(problem, work, false)
+}
+
+/// Solves one signal by FISTA.
+pub(crate) fn fista(problem: &Problem<'_>, work: &mut Work) -> Finished {
+    descend(problem, work, true)
+}
+
+fn descend(problem: &Problem<'_>, work: &mut Work, accelerated: bool) -> Finished {
     let k = problem.dictionary.atom_count();
+    let eigenvalue = *work.eigenvalue.get_or_insert_with(|| largest_eigenvalue(problem.dictionary));
     work.clear_code();
     // FISTA steps from a point beyond the code; ISTA's point is the code.
     let mut point = vec![0.0f32; k];
@@ -45,10 +56,10 @@ pub(super) fn solve(problem: &Problem<'_>, work: &mut Work, solver: Solver, eige
             work.support = (0..k as u32).filter(|&j| work.code[j as usize] != 0.0).collect();
             let gap = work.gap(problem);
             if gap <= problem.goal {
-                return Finished { gap, iterations, ended: Ended::Converged };
+                return problem.finished(gap, iterations, Ended::Converged);
             }
             if iterations >= problem.max_iterations {
-                return Finished { gap, iterations, ended: Ended::IterationCap };
+                return problem.finished(gap, iterations, Ended::IterationCap);
             }
         }
         iterations += 1;
@@ -59,7 +70,7 @@ pub(super) fn solve(problem: &Problem<'_>, work: &mut Work, solver: Solver, eige
             }
         }
         let next = 0.5 * (1.0 + (1.0 + 4.0 * momentum * momentum).sqrt());
-        let beyond = if solver == Solver::Fista { (momentum - 1.0) / next } else { 0.0 };
+        let beyond = if accelerated { (momentum - 1.0) / next } else { 0.0 };
         momentum = next;
         for ((code, point), &c) in work.code.iter_mut().zip(&mut point).zip(&work.gradient) {
             let moved = *point + step * c;

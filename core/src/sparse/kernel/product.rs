@@ -1,33 +1,67 @@
 //! Correlations C = Y Dᵀ of a block of signals: six signals by 64 atoms in registers, the sums in the order of the
-//! signal's values, each rounded once — so a signal's correlations do not depend on its neighbours or the processor.
+//! signal's values, each rounded once, so a signal's correlations do not depend on its neighbours or the processor.
 
-use super::prepared::{PANEL, Prepared};
-use super::simd::{Chunk, Lanes};
+use super::simd::{Chunk, Kernel, Lanes};
 
 /// Signals in registers together.
-pub(super) const GROUP: usize = 6;
+///
+/// Source: chosen; 6 × 4 sums, with what they are made of, fill the 32 registers of AVX-512.
+pub(crate) const GROUP: usize = 6;
+/// Chunks of a panel: 64 atoms.
+///
+/// Source: chosen; see [`GROUP`].
+pub(crate) const PANEL: usize = 4;
 
-/// Correlations of all signals (rows of `stride` values, of which the first m count), a row of `dictionary.width()` chunks
-/// each, into `out`.
+/// Atoms laid out for the product.
+#[derive(Debug, Clone)]
+pub(crate) struct Panels {
+    /// For every 64 atoms, for every value of a signal, that value of the 64 atoms; zero beyond K.
+    pub values: Vec<[Chunk; PANEL]>,
+    /// m, the values of a signal.
+    pub signal_len: usize,
+    /// Chunks of a row over all atoms, a multiple of [`PANEL`].
+    pub width: usize,
+}
+
+/// The product of a block of signals with all atoms.
+pub(crate) struct Correlate<'a> {
+    pub panels: &'a Panels,
+    pub signals: &'a [f32],
+    /// Values from one signal to the next.
+    pub stride: usize,
+    /// A row of `panels.width` chunks for each signal.
+    pub out: &'a mut [Chunk],
+}
+
+impl Kernel for Correlate<'_> {
+    type Out = ();
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) {
+        correlate(lanes, self.panels, self.signals, self.stride, self.out);
+    }
+}
+
+/// Correlations of all signals (rows of `stride` values, of which the first m count), a row of `panels.width` chunks each,
+/// into `out`.
 #[inline(always)]
-pub(super) fn correlate<S: Lanes>(lanes: S, dictionary: &Prepared, signals: &[f32], stride: usize, out: &mut [Chunk]) {
+pub(crate) fn correlate<S: Lanes>(lanes: S, panels: &Panels, signals: &[f32], stride: usize, out: &mut [Chunk]) {
     if S::WIDE {
-        correlate_panels::<S, 4>(lanes, dictionary, signals, stride, out);
+        correlate_panels::<S, 4>(lanes, panels, signals, stride, out);
     } else {
-        correlate_panels::<S, 1>(lanes, dictionary, signals, stride, out);
+        correlate_panels::<S, 1>(lanes, panels, signals, stride, out);
     }
 }
 
 #[inline(always)]
 fn correlate_panels<S: Lanes, const P: usize>(
     lanes: S,
-    dictionary: &Prepared,
+    panels: &Panels,
     signals: &[f32],
     stride: usize,
     out: &mut [Chunk],
 ) {
-    let (m, width) = (dictionary.signal_len(), dictionary.width());
-    for (p, panel) in dictionary.panels().enumerate() {
+    let (m, width) = (panels.signal_len, panels.width);
+    for (p, panel) in panels.values.chunks_exact(m).enumerate() {
         for (signals, rows) in signals.chunks(GROUP * stride).zip(out.chunks_mut(GROUP * width)) {
             // Where the last group lacks signals, its first stands in; there is no row for it.
             let row =

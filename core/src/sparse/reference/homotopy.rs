@@ -3,11 +3,13 @@
 //! Between two knots φ_S moves along G_SS⁻¹θ and all correlations of the support shrink alike; a knot is where an atom
 //! outside reaches them, a coefficient reaches zero, or the wanted λ or number of non-zeros is met. In f64, from residuals.
 
-use super::exact::{self, Member, Seen};
-use super::prepared::Prepared;
-use super::solve::Finished;
-use super::{Ended, Error};
 use ndarray::ArrayView1;
+
+use crate::sparse::error::Error;
+use crate::sparse::kernel::active_set_f64::{self, Member, Observation, ObservedProblem};
+use crate::sparse::penalty::check_lambda;
+use crate::sparse::prepared::Prepared;
+use crate::sparse::problem::{Ended, Finished, Problem, Work};
 
 /// A point of the path where the support changes.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,29 +22,41 @@ pub struct Knot {
     pub values: Vec<f64>,
 }
 
-/// Where the path ends.
+/// Where the path is to end.
 #[derive(Clone, Copy)]
-pub(super) struct Until {
+struct Until {
     pub lambda: f64,
     pub nonzeros: usize,
     pub max_steps: u32,
     pub nonnegative: bool,
 }
 
-/// What [`follow`] arrives at.
-pub(super) struct Arrived {
+/// Where [`follow_path`] ends.
+struct Arrived {
     pub members: Vec<Member>,
     pub lambda: f64,
     pub steps: u32,
     pub ended: Ended,
 }
 
-/// The path of one signal (m values) from λ_max down to `lambda`, with at most `max_steps` knots. Between two knots the
-/// minimisers are linear in λ.
+/// The minimisers of ½‖y − Dᵀφ‖² + λ‖φ‖₁ for one signal y (m values), from λ_max = max |D y| down to `lambda` (at least 0), with
+/// at most `max_steps` knots. Between two knots they are linear in λ.
 ///
 /// # Errors
 /// A signal that is not finite or does not fit, a negative λ.
-pub fn path(
+///
+/// ```
+/// use lenslet_core::sparse;
+/// use ndarray::array;
+///
+/// let dictionary = sparse::prepare(array![[1.0f32, 0.0], [0.0, 1.0]].view())?;
+/// let knots = sparse::homotopy_path(&dictionary, array![2.0, -1.0].view(), 0.0, 100, false)?;
+/// // Nothing above λ_max = 2, the second atom from λ = 1, least squares at 0.
+/// assert_eq!(knots.iter().map(|knot| knot.lambda).collect::<Vec<_>>(), [2.0, 1.0, 0.0]);
+/// assert_eq!(knots[2].values, [2.0, -1.0]);
+/// # Ok::<(), sparse::Error>(())
+/// ```
+pub fn homotopy_path(
     dictionary: &Prepared,
     signal: ArrayView1<'_, f32>,
     lambda: f64,
@@ -59,14 +73,12 @@ pub fn path(
     if signal.iter().any(|v| !v.is_finite()) {
         return Err(Error::NotFinite { what: "the signal", row: 0 });
     }
-    if !(lambda.is_finite() && lambda >= 0.0) {
-        return Err(Error::Parameter(format!("λ must be a number of at least 0, not {lambda}")));
-    }
+    check_lambda(lambda)?;
     let signal: Vec<f64> = signal.iter().map(|&v| f64::from(v)).collect();
     let max_steps = u32::try_from(max_steps).unwrap_or(u32::MAX);
     let until = Until { lambda, nonzeros: usize::MAX, max_steps, nonnegative };
     let mut knots = Vec::new();
-    follow(dictionary, &signal, until, |lambda, members| {
+    follow_path(dictionary, &signal, until, |lambda, members| {
         let shown = || members.iter().filter(|m| m.value != 0.0);
         knots.push(Knot {
             lambda,
@@ -77,16 +89,11 @@ pub fn path(
     Ok(knots)
 }
 
-/// Follows the path; tells every knot.
-pub(super) fn follow(
-    dictionary: &Prepared,
-    signal: &[f64],
-    until: Until,
-    mut knot: impl FnMut(f64, &[Member]),
-) -> Arrived {
+/// Follows the path, calling `knot` with λ and the support at each knot.
+fn follow_path(dictionary: &Prepared, signal: &[f64], until: Until, mut knot: impl FnMut(f64, &[Member])) -> Arrived {
     let k = dictionary.atom_count();
     let mut c = vec![0.0f64; k];
-    exact::correlate_whole(dictionary, signal, &mut c);
+    dictionary.correlate_f64(signal, &mut c);
     let size = |c: f64| if until.nonnegative { c } else { c.abs() };
     let (start, mut lambda) =
         c.iter().enumerate().fold((0, 0.0f64), |best, (j, &c)| if size(c) > best.1 { (j, size(c)) } else { best });
@@ -94,7 +101,7 @@ pub(super) fn follow(
     let mut members: Vec<Member> = Vec::new();
     let mut direction = vec![0.0f64; k];
     let mut joining = (lambda > until.lambda && until.nonzeros > 0).then_some(start);
-    // Atoms that depend on the support, and the one that just left.
+    // Atoms that depend linearly on the support, and the one that just left.
     let mut barred: Vec<usize> = Vec::new();
     let mut left = usize::MAX;
     // Atoms that touch the bound but move inwards (copies of one that left), until the next step of some length.
@@ -103,8 +110,8 @@ pub(super) fn follow(
     knot(lambda, &members);
     loop {
         if let Some(atom) = joining.take() {
-            let column = exact::seen_atom(dictionary, Seen::Whole, atom);
-            if exact::depends(&members, &column) {
+            let column = active_set_f64::observed_atom(dictionary, Observation::Full, atom);
+            if active_set_f64::is_dependent(&members, &column) {
                 barred.push(atom);
             } else {
                 members.push(Member { atom, value: 0.0, sign: c[atom].signum(), column });
@@ -122,7 +129,7 @@ pub(super) fn follow(
         }
         steps += 1;
         let signs: Vec<f64> = members.iter().map(|m| m.sign).collect();
-        let Some(w) = exact::solve_gram(&members, &signs) else {
+        let Some(w) = active_set_f64::solve_gram(&members, &signs) else {
             return Arrived { members, lambda, steps, ended: Ended::Stalled };
         };
         if let (Some(last), Some(w)) = (members.last(), w.last())
@@ -140,7 +147,7 @@ pub(super) fn follow(
                 *a += w * d;
             }
         }
-        exact::correlate_whole(dictionary, &along, &mut direction);
+        dictionary.correlate_f64(&along, &mut direction);
         // The first event on the way down.
         let mut step = lambda - until.lambda;
         let (mut joins, mut leaves) = (None, None);
@@ -187,33 +194,39 @@ pub(super) fn follow(
     }
 }
 
-/// Solves one signal: (atoms of the order inside, values), λ where it ended, and how.
-pub(super) fn solve(
-    dictionary: &Prepared,
-    signal: &[f32],
-    until: Until,
-    goal: f64,
-) -> (Vec<(u32, f32)>, f32, Finished) {
-    let signal: Vec<f64> = signal.iter().map(|&v| f64::from(v)).collect();
-    let mut arrived = follow(dictionary, &signal, until, |_, _| {});
+/// Solves one signal for its λ, or down to the λ where the next atom would be one too many. In f64.
+pub(crate) fn solve(problem: &Problem<'_>, work: &mut Work) -> Finished {
+    let dictionary = problem.dictionary;
+    let until = Until {
+        lambda: f64::from(problem.lambda),
+        nonzeros: problem.max_nonzeros,
+        max_steps: problem.max_iterations,
+        nonnegative: problem.nonnegative,
+    };
+    let signal: Vec<f64> = problem.signal.iter().map(|&v| f64::from(v)).collect();
+    let mut arrived = follow_path(dictionary, &signal, until, |_, _| {});
     if arrived.ended == Ended::IterationCap {
         // Not there yet: judged by the λ that was wanted.
         arrived.lambda = until.lambda;
     }
-    let task = exact::Task {
+    let observed = ObservedProblem {
         dictionary,
-        seen: Seen::Whole,
+        observation: Observation::Full,
         signal: &signal,
         lambda: arrived.lambda,
-        goal,
+        goal: problem.goal,
         max_rounds: 1,
         nonnegative: until.nonnegative,
     };
-    let gap = exact::gap_of(&task, &arrived.members);
+    let gap = active_set_f64::gap_of_members(&observed, &arrived.members);
     let ended = match arrived.ended {
-        Ended::Converged if gap > goal => Ended::Stalled,
+        Ended::Converged if gap > problem.goal => Ended::Stalled,
         other => other,
     };
-    let entries = arrived.members.iter().map(|m| (m.atom as u32, m.value as f32)).collect();
-    (entries, arrived.lambda as f32, Finished { gap, iterations: arrived.steps, ended })
+    work.clear_code();
+    for member in &arrived.members {
+        work.code[member.atom] = member.value as f32;
+        work.support.push(member.atom as u32);
+    }
+    Finished { gap, lambda: arrived.lambda as f32, iterations: arrived.steps, ended }
 }

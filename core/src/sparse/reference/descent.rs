@@ -1,12 +1,12 @@
 //! Coordinate descent on the Gram matrix: min ½‖y − Dᵀφ‖² + λ‖φ‖₁, one coordinate at a time, mostly over the support.
 //!
-//! The gradient c = D y − G φ is kept up to date and computed anew with every gap; a full sweep alternates with sweeps over the support until those settle.
+//! The gradient c = D y − G φ is kept up to date and computed anew with every gap; a full sweep alternates with sweeps over the
+//! support until those settle.
 
-use super::Ended;
-use super::solve::{Finished, Problem, Work};
+use crate::sparse::problem::{Ended, Finished, Problem, Work};
 
 /// Solves one signal; leaves its code in `work.code` (dense over atoms, zero elsewhere) and its support in `work.support`.
-pub(super) fn solve(problem: &Problem<'_>, work: &mut Work) -> Finished {
+pub(crate) fn solve(problem: &Problem<'_>, work: &mut Work) -> Finished {
     let k = problem.dictionary.atom_count();
     let lambda = problem.lambda;
     let goal = problem.goal;
@@ -14,11 +14,11 @@ pub(super) fn solve(problem: &Problem<'_>, work: &mut Work) -> Finished {
     work.gradient.copy_from_slice(problem.correlations);
     let mut iterations = 0;
     let mut last = f64::INFINITY;
-    let mut settled = 1e-4f32 * problem.largest;
+    let mut settled = 1e-4f32 * problem.lambda_max;
     loop {
         iterations += 1;
         for j in 0..k {
-            step(problem, work, j, lambda);
+            minimise_coordinate(problem, work, j, lambda);
         }
         // Sweeps over the support, until they move nothing by more than `settled`.
         for _ in 0..200 {
@@ -26,7 +26,7 @@ pub(super) fn solve(problem: &Problem<'_>, work: &mut Work) -> Finished {
             let mut moved = 0.0f32;
             for i in 0..work.support.len() {
                 let j = work.support[i] as usize;
-                moved = moved.max(step(problem, work, j, lambda));
+                moved = moved.max(minimise_coordinate(problem, work, j, lambda));
             }
             if moved <= settled || iterations >= problem.max_iterations {
                 break;
@@ -34,22 +34,22 @@ pub(super) fn solve(problem: &Problem<'_>, work: &mut Work) -> Finished {
         }
         let gap = work.gap(problem);
         if gap <= goal {
-            return Finished { gap, iterations, ended: Ended::Converged };
+            return problem.finished(gap, iterations, Ended::Converged);
         }
         if iterations >= problem.max_iterations {
-            return Finished { gap, iterations, ended: Ended::IterationCap };
+            return problem.finished(gap, iterations, Ended::IterationCap);
         }
-        let floor = 1e-8 * problem.largest;
+        let floor = 1e-8 * problem.lambda_max;
         if settled <= floor && gap >= 0.999 * last {
-            return Finished { gap, iterations, ended: Ended::Stalled };
+            return problem.finished(gap, iterations, Ended::Stalled);
         }
         settled = (settled * 0.1).max(floor);
         last = gap;
     }
 }
 
-/// One coordinate to its minimum; the change made.
-fn step(problem: &Problem<'_>, work: &mut Work, j: usize, lambda: f32) -> f32 {
+/// Moves one coordinate to its minimum; returns the size of the change.
+fn minimise_coordinate(problem: &Problem<'_>, work: &mut Work, j: usize, lambda: f32) -> f32 {
     let row = problem.dictionary.gram_row(j);
     let old = work.code[j];
     let pull = work.gradient[j] + row[j] * old;

@@ -6,7 +6,7 @@ use super::simd::{Chunk, Lanes};
 
 /// Gap from y·r, ‖r‖², ‖φ‖₁ and the largest correlation max |D r| (max D r with non-negative codes).
 #[inline(always)]
-pub(super) fn certify(yr: f64, rr: f64, norm1: f64, lambda: f64, largest: f64) -> f64 {
+pub(crate) fn duality_gap(yr: f64, rr: f64, norm1: f64, lambda: f64, largest: f64) -> f64 {
     let primal = 0.5 * rr + lambda * norm1;
     let most = if largest > lambda { lambda / largest } else { 1.0 };
     // The dual value s·y·r − ½s²‖r‖² grows up to s = y·r/‖r‖².
@@ -17,7 +17,7 @@ pub(super) fn certify(yr: f64, rr: f64, norm1: f64, lambda: f64, largest: f64) -
 
 /// Inner product in f64 of an f32 row and an f64 vector, in sixteen fixed lanes.
 #[inline(always)]
-pub(super) fn dot<S: Lanes>(lanes: S, a: &[Chunk], b: &[[f64; 16]]) -> f64 {
+pub(crate) fn inner_product<S: Lanes>(lanes: S, a: &[Chunk], b: &[[f64; 16]]) -> f64 {
     let mut sum = lanes.wide_splat(0.0);
     for (a, b) in a.iter().zip(b) {
         sum = lanes.wide_fma(lanes.wide(a), lanes.wide_load(b), sum);

@@ -1,0 +1,287 @@
+//! The default solver of a block of signals: min ½‖y − Dᵀφ‖² + λ‖φ‖₁ by an f32 active set with an f64 certificate.
+//!
+//! Exact active set by feature signs (after Lee et al., NIPS 2006): the support S with its signs θ holds
+//! φ_S = G_SS⁻¹(b_S − λθ), b = D y, G = D Dᵀ. Each round finds the atom that violates |c| ≤ λ most (c = b − G φ, see
+//! [`super::candidate_search`]), adds it and moves to the new minimum (see [`super::update`]). All in f32; the settled code is
+//! judged by its duality gap in f64 (see [`super::certificate`]), and where that is above the tolerance the f64 solver starts
+//! anew.
+//!
+//! Two or three signals are in work at once and take turns, so that the processor computes for one while another waits for
+//! memory or for a chain of additions. Their numbers are independent of each other.
+
+use super::active_set_f64::{self, Observation, ObservedProblem};
+use super::candidate_search::{self, MAX_CHUNKS_SEARCHED_WHOLE, Search, find_entering};
+use super::certificate::{Settled, certified_gap};
+use super::product;
+use super::scratch::{LARGE_STATE_CHUNKS, Scratch, Slot, Solved};
+use super::simd::{Chunk, Kernel, Lanes, flat};
+use super::state::{State, Task};
+use super::update::add_atom;
+use crate::sparse::codes::Codes;
+use crate::sparse::penalty::Penalty;
+use crate::sparse::prepared::Prepared;
+use crate::sparse::problem::{Ended, Finished};
+
+/// What every signal of a block is solved to.
+#[derive(Clone, Copy)]
+pub(crate) struct Settings {
+    pub penalty: Penalty,
+    /// Ends a solve when the gap is at most this times ½‖y‖².
+    pub tolerance: f64,
+    pub max_rounds: u32,
+    pub nonnegative: bool,
+}
+
+/// A block of signals (rows of m values) to be solved; codes are appended to `codes`.
+pub(crate) struct LassoBlock<'a> {
+    pub dictionary: &'a Prepared,
+    pub signals: &'a [f32],
+    pub settings: Settings,
+    pub scratch: &'a mut Scratch,
+    pub codes: &'a mut Codes,
+}
+
+impl Kernel for LassoBlock<'_> {
+    type Out = ();
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) {
+        if self.dictionary.width() > MAX_CHUNKS_SEARCHED_WHOLE {
+            self.run_rounds::<S, true>(lanes)
+        } else {
+            self.run_rounds::<S, false>(lanes)
+        }
+    }
+}
+
+impl LassoBlock<'_> {
+    #[inline(always)]
+    fn run_rounds<S: Lanes, const CANDIDATES: bool>(self, lanes: S) {
+        let LassoBlock { dictionary, signals, settings, scratch, codes } = self;
+        let (m, width) = (dictionary.signal_len(), dictionary.width());
+        let count = signals.len() / m;
+        let Scratch { correlations, slots, large, peaks, padded, residual, solved } = scratch;
+        let chunks = m.div_ceil(16);
+        for (padded, signal) in padded.chunks_exact_mut(chunks).zip(signals.chunks_exact(m)) {
+            let (whole, rest) = signal.as_chunks::<16>();
+            for (to, from) in padded.iter_mut().zip(whole) {
+                to.0 = *from;
+            }
+            if let Some(last) = padded.last_mut() {
+                for (to, &from) in last.0.iter_mut().zip(rest) {
+                    *to = from;
+                }
+            }
+        }
+        let padded = &padded[..count * chunks];
+        product::correlate(lanes, dictionary.panels(), flat(padded), 16 * chunks, correlations);
+        let mut task = Task {
+            dictionary,
+            lambda: 0.0,
+            threshold: 0.0,
+            nonnegative: settings.nonnegative,
+            keep_signs: true,
+            max_rounds: settings.max_rounds,
+        };
+        // The first `live` slots are in work.
+        let (mut live, mut next) = (0, 0);
+        loop {
+            if live == 0 {
+                while live < slots.len() && next < count {
+                    let row = &correlations[next * width..(next + 1) * width];
+                    let signal = &padded[next * chunks..(next + 1) * chunks];
+                    start_signal(lanes, &task, &mut slots[live], signal, row, peaks, settings);
+                    slots[live].signal = next;
+                    live += 1;
+                    next += 1;
+                }
+            }
+            if live == 0 {
+                break;
+            }
+            let mut at = 0;
+            while at < live {
+                let slot = &mut slots[at];
+                let n = slot.signal;
+                (task.lambda, task.threshold) = (slot.lambda, slot.threshold);
+                let row = &mut correlations[n * width..(n + 1) * width];
+                let mut grown = false;
+                let outside = match find_entering::<S, 1, CANDIDATES>(lanes, &task, row, &mut slot.state, peaks) {
+                    Search::Enter(entering) => {
+                        slot.entering = entering;
+                        at += 1;
+                        continue;
+                    }
+                    Search::Satisfied { outside } => outside,
+                    Search::Full => {
+                        grown = true;
+                        large.grow_from(&slot.state);
+                        finish_in_large_state::<S, CANDIDATES>(lanes, &task, row, large, peaks)
+                    }
+                    Search::Failed => f32::INFINITY,
+                };
+                let signal = &padded[n * chunks..(n + 1) * chunks];
+                let settled = Settled { outside, norm: slot.norm, goal: slot.goal, signal };
+                let taken = if grown {
+                    accept_if_certified(lanes, &task, settled, large, residual, &mut solved[n])
+                } else {
+                    accept_if_certified(lanes, &task, settled, &mut slot.state, residual, &mut solved[n])
+                };
+                if !taken {
+                    codes.redone_in_f64 += 1;
+                    solve_in_f64(&task, &flat(signal)[..m], slot.goal, &mut solved[n]);
+                }
+                live -= 1;
+                slots.swap(at, live);
+            }
+            at = 0;
+            while at < live {
+                let slot = &mut slots[at];
+                let n = slot.signal;
+                (task.lambda, task.threshold) = (slot.lambda, slot.threshold);
+                let row = &mut correlations[n * width..(n + 1) * width];
+                if add_atom::<S, 1, CANDIDATES>(lanes, &task, row, &mut slot.state, slot.entering) {
+                    at += 1;
+                } else {
+                    codes.redone_in_f64 += 1;
+                    solve_in_f64(&task, &signals[n * m..(n + 1) * m], slot.goal, &mut solved[n]);
+                    live -= 1;
+                    slots.swap(at, live);
+                }
+            }
+        }
+        for solved in &mut solved[..count] {
+            codes.push_sorted(&solved.entries, &solved.finished);
+        }
+    }
+}
+
+/// Continues with a support that has outgrown its slot. Returns the largest |c| outside the support, or infinity for failure.
+#[inline(always)]
+fn finish_in_large_state<S: Lanes, const CANDIDATES: bool>(
+    lanes: S,
+    task: &Task<'_>,
+    correlations: &mut [Chunk],
+    state: &mut State<LARGE_STATE_CHUNKS>,
+    peaks: &mut [Chunk],
+) -> f32 {
+    loop {
+        match find_entering::<S, LARGE_STATE_CHUNKS, CANDIDATES>(lanes, task, correlations, state, peaks) {
+            Search::Enter(entering) => {
+                if !add_atom::<S, LARGE_STATE_CHUNKS, CANDIDATES>(lanes, task, correlations, state, entering) {
+                    return f32::INFINITY;
+                }
+            }
+            Search::Satisfied { outside } => return outside,
+            Search::Full | Search::Failed => return f32::INFINITY,
+        }
+    }
+}
+
+/// Sets a new signal's λ, entry threshold and gap to reach.
+#[inline(always)]
+fn start_signal<S: Lanes>(
+    lanes: S,
+    task: &Task<'_>,
+    slot: &mut Slot,
+    signal: &[Chunk],
+    correlations: &[Chunk],
+    peaks: &mut [Chunk],
+    settings: Settings,
+) {
+    slot.state.clear();
+    let mut energy = lanes.wide_splat(0.0);
+    for part in signal {
+        let v = lanes.wide(part);
+        energy = lanes.wide_fma(v, v, energy);
+    }
+    let energy = lanes.wide_sum(energy);
+    slot.norm = energy.sqrt();
+    let lambda_max = match settings.penalty {
+        Penalty::FractionOfMax(_) => candidate_search::lambda_max(lanes, task, correlations, peaks),
+        _ => 0.0,
+    };
+    slot.lambda = settings.penalty.lambda(f64::from(lambda_max));
+    slot.threshold = (f64::from(slot.lambda) * (1.0 + 1e-6) + 4e-7 * slot.norm) as f32;
+    slot.goal = settings.tolerance * 0.5 * energy;
+    if slot.lambda == 0.0 || !(slot.norm == 0.0 || (1e-12..1e12).contains(&slot.norm)) {
+        // Squares out of the range of f32, or no penalty on signs: no atom enters, no certificate holds, f64 solves it.
+        slot.threshold = f32::INFINITY;
+        slot.norm = f64::INFINITY;
+    }
+}
+
+/// Takes the code when its gap is small enough, if need be after one correction of its values. False: f64 has to solve it.
+#[inline(always)]
+fn accept_if_certified<S: Lanes, const C: usize>(
+    lanes: S,
+    task: &Task<'_>,
+    settled: Settled<'_>,
+    state: &mut State<C>,
+    residual: &mut [[f64; 16]],
+    solved: &mut Solved,
+) -> bool {
+    if settled.norm == f64::INFINITY || settled.outside == f32::INFINITY {
+        return false;
+    }
+    for _ in 0..2 {
+        let found = certified_gap(lanes, task, &settled, state, residual);
+        if found <= settled.goal {
+            collect_entries(task.dictionary, state, &mut solved.entries);
+            let (lambda, iterations) = (task.lambda, state.rounds);
+            solved.finished = Finished { gap: found, lambda, iterations, ended: Ended::Converged };
+            return true;
+        }
+        if !state.correct_values() {
+            return false;
+        }
+    }
+    false
+}
+
+/// The entries of a code, atoms by their number outside and ascending.
+#[inline(always)]
+fn collect_entries<const C: usize>(dictionary: &Prepared, state: &State<C>, entries: &mut Vec<(u32, f32)>) {
+    let n = state.n;
+    entries.clear();
+    let each = state.support().iter().zip(state.values());
+    if n > 16 {
+        entries.extend(each.map(|(&k, &v)| (dictionary.outside(k), v)));
+        entries.sort_unstable_by_key(|e| e.0);
+        return;
+    }
+    // Few: the place of each is the count of smaller ones, without branches. Zeros go last; they are not passed on.
+    let mut numbers = [u32::MAX; 16];
+    for ((number, &k), &value) in numbers.iter_mut().zip(state.support()).zip(state.values()) {
+        *number = if value == 0.0 { u32::MAX } else { dictionary.outside(k) };
+    }
+    let mut places = [0u32; 16];
+    for &other in numbers.iter().take(n) {
+        for (place, &own) in places.iter_mut().zip(&numbers) {
+            *place += u32::from(other < own);
+        }
+    }
+    entries.resize(n, (0, 0.0));
+    for ((&number, &place), &value) in numbers.iter().zip(&places).zip(state.values()) {
+        entries[place as usize] = (number, value);
+    }
+}
+
+/// Solves a signal in f64 from scratch.
+#[inline(never)]
+fn solve_in_f64(task: &Task<'_>, signal: &[f32], goal: f64, solved: &mut Solved) {
+    let signal: Vec<f64> = signal.iter().map(|&v| f64::from(v)).collect();
+    let solution = active_set_f64::solve(&ObservedProblem {
+        dictionary: task.dictionary,
+        observation: Observation::Full,
+        signal: &signal,
+        lambda: f64::from(task.lambda),
+        goal,
+        max_rounds: task.max_rounds,
+        nonnegative: task.nonnegative,
+    });
+    solved.entries.clear();
+    let entries = solution.support.iter().zip(&solution.values);
+    solved.entries.extend(entries.map(|(&k, &v)| (task.dictionary.outside(k), v as f32)));
+    solved.entries.sort_unstable_by_key(|e| e.0);
+    solved.finished = solution.finished;
+}

@@ -1,0 +1,38 @@
+//! The penalty, and the one range check of λ.
+
+use super::error::Error;
+
+/// How strongly codes are penalised.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Penalty {
+    /// λ as it stands in the objective; at least 0.
+    Lambda(f32),
+    /// λ as a fraction of each signal's λ_max = max |D y|, above which its code is zero; at least 0.
+    FractionOfMax(f32),
+    /// At most this many non-zeros a signal (OMP, or the homotopy path stopped there).
+    NonZeros(usize),
+}
+
+impl Penalty {
+    /// λ of a signal whose λ_max is `lambda_max` (needed by [`Penalty::FractionOfMax`] only); 0 for a number of non-zeros.
+    pub(crate) fn lambda(self, lambda_max: f64) -> f32 {
+        match self {
+            Penalty::Lambda(lambda) => lambda,
+            Penalty::FractionOfMax(fraction) => (f64::from(fraction) * lambda_max) as f32,
+            Penalty::NonZeros(_) => 0.0,
+        }
+    }
+
+    /// The most non-zeros, where their number is what is given.
+    pub(crate) fn nonzeros(self) -> Option<usize> {
+        if let Penalty::NonZeros(most) = self { Some(most) } else { None }
+    }
+}
+
+/// The one range check of λ (or of its share of λ_max).
+pub(crate) fn check_lambda(lambda: f64) -> Result<(), Error> {
+    if lambda.is_finite() && lambda >= 0.0 {
+        return Ok(());
+    }
+    Err(Error::Parameter(format!("λ must be a number of at least 0, not {}", lambda as f32)))
+}
