@@ -14,7 +14,7 @@ use std::time::Instant;
 use anyhow::{Context, ensure};
 use clap::Parser as _;
 use lenslet::apps::depth;
-use lenslet_core::decode::{HexSamples, npz};
+use lenslet_core::decode::HexSamples;
 use lenslet_core::dictionary::Interpolation;
 use lenslet_core::lightfield::{self, ColourSpace, LightField, ReadOptions, View, colour};
 use lenslet_core::metrics::{self, BORDER, Scores, Window};
@@ -174,7 +174,7 @@ fn disparity_errors(found: &Array2<f32>, truth: &Array2<f32>, view: &Array3<f32>
 }
 
 fn simulated(truth: &Path, samples: &Path, a: &Arguments) -> anyhow::Result<Value> {
-    let samples = npz::load(samples)?;
+    let samples = HexSamples::load(samples)?;
     let field = lightfield::load(&truth.join("views"), &ReadOptions::default())?;
     let disparity: Array2<f32> = ndarray_npy::read_npy(truth.join("disparity.npy"))?;
     let (h, w) = disparity.dim();
@@ -253,7 +253,7 @@ fn resampled(path: &Path, pitch: f64, truth_disparity: Option<&Path>, a: &Argume
 }
 
 fn real(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
-    let samples = npz::load(path)?;
+    let samples = HexSamples::load(path)?;
     let target = Target::longer(samples.sensor, a.size);
     let wanted = scored(samples.views);
     let middle = wanted[0];
@@ -337,7 +337,7 @@ fn save(rendered: &Rendered, truth: Option<&Array3<f32>>, samples: &HexSamples, 
 
 /// Seconds for every view of the samples, nothing kept.
 fn timed(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
-    let samples = npz::load(path)?;
+    let samples = HexSamples::load(path)?;
     let target = Target::longer(samples.sensor, a.size);
     let began = Instant::now();
     let mut views = 0;

@@ -15,7 +15,7 @@ struct Arguments {
     atoms: String,
     /// Signals, N×m, one a row
     signals: String,
-    /// λ of min ½‖Dφ − y‖² + λ‖φ‖₁
+    /// λ of min ½‖y − Dᵀφ‖² + λ‖φ‖₁
     lambda: f32,
     /// Threads
     #[arg(long, default_value_t = 1)]
@@ -98,16 +98,8 @@ fn main() -> anyhow::Result<()> {
 }
 
 fn parse_solver(name: &str) -> Result<Solver, String> {
-    Ok(match name {
-        "auto" => Solver::Auto,
-        "active-set" => Solver::ActiveSet,
-        "cd" => Solver::CoordinateDescent,
-        "ista" => Solver::Ista,
-        "fista" => Solver::Fista,
-        "homotopy" => Solver::Homotopy,
-        "omp" => Solver::Omp,
-        _ => return Err("one of auto, active-set, cd, ista, fista, homotopy, omp".into()),
-    })
+    let found = Solver::ALL.into_iter().find(|solver| solver.name() == name);
+    found.ok_or_else(|| format!("one of {}", Solver::ALL.map(Solver::name).join(", ")))
 }
 
 fn median(values: &mut [f64]) -> f64 {

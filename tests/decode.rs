@@ -10,7 +10,7 @@ use std::process::{Command, Output};
 use fixtures::f01_capture;
 use lenslet_core::calibration::{self, Calibration, Lenslet, Vignetting};
 use lenslet_core::container;
-use lenslet_core::decode::npz;
+use lenslet_core::decode::{HexSamples, SAMPLES_FILE};
 use lenslet_core::lightfield::{self, ReadOptions, ViewOrigin};
 use lenslet_core::sampling::{hexagonal, place};
 
@@ -87,7 +87,7 @@ fn one_capture_to_a_folder_of_views_with_its_samples() {
             assert!((got - truth).abs() < 0.006, "column {s}: {got} for {truth}");
         }
     }
-    let samples = npz::load(&out.join(npz::SAMPLES)).unwrap();
+    let samples = HexSamples::load(&out.join(SAMPLES_FILE)).unwrap();
     assert_eq!((samples.sensor, samples.views), ((SIDE, SIDE), 7));
     assert_eq!(report["lenslets"], samples.centres.len());
     // Not twice, unless told; and nothing is left beside it.
@@ -97,7 +97,7 @@ fn one_capture_to_a_folder_of_views_with_its_samples() {
     let forced = decode!(lfp, "--calibration", calib, "--out", out, "--size", "48x40", "--force", "--no-samples", "-q");
     assert!(forced.status.success(), "{}", said(&forced));
     assert!(said(&forced).is_empty());
-    assert!(!out.join(npz::SAMPLES).exists());
+    assert!(!out.join(SAMPLES_FILE).exists());
     let names: Vec<_> = std::fs::read_dir(dir.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
     assert_eq!(names.len(), 3, "{names:?}");
 }
@@ -111,7 +111,7 @@ fn one_file_formats_and_native_size_and_threads() {
     assert!(done.status.success(), "{}", said(&done));
     let field = lightfield::load(&out, &ReadOptions::default()).unwrap();
     assert_eq!(field.data.dim(), (7, 7, 12, 12, 3));
-    assert!(npz::load(&dir.path().join("lf.samples.npz")).is_ok());
+    assert!(HexSamples::load(&dir.path().join("lf.samples.npz")).is_ok());
     let other = dir.path().join("other.npy");
     let done = decode!(lfp, "--calibration", calib, "--out", other, "--size", "native", "--npy", "--threads", "3");
     assert!(done.status.success(), "{}", said(&done));

@@ -47,6 +47,7 @@ fn sample(white: f32) -> Capture {
         },
         mla: Some(MlaHint { pitch: 14.25, rotation: -0.00055, row_stretch: 1.0004 }),
         source_sha256: String::new(),
+        jpeg: false,
         white: None,
         warnings: Vec::new(),
     }

@@ -4,7 +4,7 @@
 
 use lenslet_core::calibration::{Calibration, Lenslet, Vignetting};
 use lenslet_core::container::{CameraFacts, Capture, Cfa, ColourFacts, Levels, RawMosaic};
-use lenslet_core::decode::{self, Demosaic, Error, HexSamples, Options, Step, WhiteBalance};
+use lenslet_core::decode::{self, Demosaic, Error, HexSamples, Options, RawStep, Steps, ViewStep, WhiteBalance};
 use lenslet_core::progress::Silent;
 use lenslet_core::sampling::{hexagonal, place};
 
@@ -14,7 +14,7 @@ const PITCH: f64 = 10.0;
 const BLACK: f32 = 168.0;
 const WHITE: f32 = 4095.0;
 const RESPONSE: [f32; 3] = [0.76, 1.0, 0.74];
-const KINDS: [Demosaic; 3] = [Demosaic::Lenslet, Demosaic::Malvar, Demosaic::Bilinear];
+const KINDS: [Demosaic; 3] = Demosaic::ALL;
 
 /// Relative light at a pixel: bright at its lenslet's centre, dark at the border, and the lenslet's number.
 fn micro_image(centres: &[[f64; 2]], x: usize, y: usize) -> (f32, usize) {
@@ -60,6 +60,7 @@ fn planted(cfa: Cfa, disparity: f64, light: f32, scene: impl Fn(f64, f64, usize)
         camera: CameraFacts::default(),
         mla: None,
         source_sha256: String::new(),
+        jpeg: false,
         white: None,
         warnings: Vec::new(),
     };
@@ -77,19 +78,19 @@ fn planted(cfa: Cfa, disparity: f64, light: f32, scene: impl Fn(f64, f64, usize)
     (capture, calibration)
 }
 
-fn with(kind: Demosaic) -> Options {
+fn with(demosaic: Demosaic) -> Options {
+    Options { steps: Steps { demosaic, ..Steps::default() }, ..Options::default() }
+}
+
+fn without_raw(step: RawStep) -> Options {
     let mut options = Options::default();
-    for step in &mut options.steps {
-        if let Step::Demosaic(k) = step {
-            *k = kind;
-        }
-    }
+    options.steps.raw.retain(|s| *s != step);
     options
 }
 
-fn without(step: Step) -> Options {
+fn without_view(step: ViewStep) -> Options {
     let mut options = Options::default();
-    options.steps.retain(|s| *s != step);
+    options.steps.view.retain(|s| *s != step);
     options
 }
 
@@ -202,7 +203,7 @@ fn views_see_the_scene_from_their_own_side() {
             }
             let rms = (error / (3 * inner.len()) as f64).sqrt();
             // The four corner views lie 4.2 pixels out, at the micro-image's border, where the plain demosaics mix.
-            let limit = if kind == Demosaic::Lenslet || u.hypot(v) < 4.0 { 0.01 } else { 0.05 };
+            let limit = if kind == Demosaic::CoKriging || u.hypot(v) < 4.0 { 0.01 } else { 0.05 };
             assert!(rms < limit, "{kind:?} ({v}, {u}): {rms}");
         }
     }
@@ -224,7 +225,7 @@ fn nothing_leaks_in_from_the_neighbouring_micro_image() {
         }
         worst
     };
-    assert!(error(Demosaic::Lenslet) < 0.01);
+    assert!(error(Demosaic::CoKriging) < 0.01);
     assert!(error(Demosaic::Malvar) > 0.1);
 }
 
@@ -235,8 +236,8 @@ fn saturated_light_is_neutral_and_nothing_is_infinite() {
     let middle = samples.values.index_axis(ndarray::Axis(0), 24);
     assert!(middle.iter().all(|v| (v - 1.0).abs() < 0.005));
     // Without that step the colours end at different heights.
-    let mut options = without(Step::Highlights);
-    options.steps.retain(|s| *s != Step::Gamut);
+    let mut options = without_raw(RawStep::Highlights);
+    options.steps.view.retain(|s| *s != ViewStep::Gamut);
     let samples = decoded(&capture, &calibration, &options);
     let middle = samples.values.index_axis(ndarray::Axis(0), 24);
     assert!(middle.column(0).mean().unwrap() / middle.column(1).mean().unwrap() > 1.2);
@@ -254,14 +255,14 @@ fn each_step_does_its_part() {
         samples.values.index_axis(ndarray::Axis(0), view).column(c).mean().unwrap()
     };
     let all = decoded(&capture, &calibration, &Options::default());
-    let s = decoded(&capture, &calibration, &without(Step::Vignetting));
+    let s = decoded(&capture, &calibration, &without_raw(RawStep::Vignetting));
     assert!(mean(&s, 0, 1) < 0.7 * mean(&s, 24, 1) && (mean(&all, 0, 1) / mean(&all, 24, 1) - 1.0).abs() < 0.01);
-    let s = decoded(&capture, &calibration, &without(Step::WhiteBalance));
+    let s = decoded(&capture, &calibration, &without_raw(RawStep::WhiteBalance));
     assert!((mean(&s, 24, 0) / mean(&s, 24, 1) - RESPONSE[0]).abs() < 0.01);
-    let s = decoded(&capture, &calibration, &without(Step::BlackLevel));
+    let s = decoded(&capture, &calibration, &without_raw(RawStep::BlackLevel));
     assert!(mean(&s, 24, 1) > 1.04 * mean(&all, 24, 1));
     let mut brighter = Options::default();
-    brighter.steps.push(Step::Exposure(1.0));
+    brighter.steps.view.push(ViewStep::Exposure(1.0));
     assert!((mean(&decoded(&capture, &calibration, &brighter), 24, 1) / mean(&all, 24, 1) - 2.0).abs() < 1e-4);
     let auto = Options { white_balance: WhiteBalance::Auto, ..Options::default() };
     let s = decoded(&capture, &calibration, &auto);
@@ -274,7 +275,7 @@ fn each_step_does_its_part() {
     let hot = decoded(&capture, &calibration, &Options::default());
     let worst = hot.values.iter().zip(&all.values).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(worst < 0.02, "{worst}");
-    let left = decoded(&capture, &calibration, &without(Step::HotPixels));
+    let left = decoded(&capture, &calibration, &without_raw(RawStep::HotPixels));
     let worst = left.values.iter().zip(&all.values).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(worst > 0.1, "{worst}");
     // A warm one, too faint to stand out, and a cluster that hides its own: known from black images.
@@ -340,7 +341,7 @@ fn bad_input_is_told_by_whose_fault_it_is() {
     let good = Options::default();
     let mut k = calibration.clone();
     k.width += 1;
-    assert!(matches!(run(&capture, &k, &good), Err(Error::Mismatch { .. })));
+    assert!(matches!(run(&capture, &k, &good), Err(Error::WrongCamera(_))));
     let mut c = capture.clone();
     c.mosaic.data.pop();
     assert!(matches!(run(&c, &calibration, &good), Err(Error::Capture(_))));
@@ -366,10 +367,7 @@ fn bad_input_is_told_by_whose_fault_it_is() {
         Options { views: 6, ..Options::default() },
         Options { views: 17, ..Options::default() },
         Options { view_step: f64::NAN, ..Options::default() },
-        Options { steps: vec![Step::BlackLevel], ..Options::default() },
-        Options { steps: vec![Step::ColourMatrix, Step::Demosaic(Demosaic::Malvar)], ..Options::default() },
-        Options { steps: vec![Step::Demosaic(Demosaic::Malvar), Step::BlackLevel], ..Options::default() },
-        Options { steps: vec![Step::Demosaic(Demosaic::Malvar), Step::Exposure(f32::NAN)], ..Options::default() },
+        Options { steps: Steps { view: vec![ViewStep::Exposure(f32::NAN)], ..Steps::default() }, ..Options::default() },
         Options { white_balance: WhiteBalance::Gains([0.0, 1.0, 1.0]), ..Options::default() },
     ] {
         assert!(matches!(run(&capture, &calibration, &options), Err(Error::Parameter(_))), "{options:?}");
@@ -390,7 +388,7 @@ fn the_stated_exposure_bias_is_applied_with_the_offset_of_the_camera() {
         capture.camera.model = model.map(str::to_owned);
         let got = green(&decoded(&capture, &calibration, &Options::default()), 24);
         assert!((got / plain / f32::exp2(stops) - 1.0).abs() < 1e-3, "{model:?}: {got} {plain}");
-        let left = green(&decoded(&capture, &calibration, &without(Step::ExposureBias)), 24);
+        let left = green(&decoded(&capture, &calibration, &without_view(ViewStep::ExposureBias)), 24);
         assert!((left / plain - 1.0).abs() < 1e-4);
     }
 }
@@ -400,7 +398,7 @@ fn colours_out_of_reach_fit_only_with_that_step() {
     // Dark green as a strong matrix makes it: red and blue below 0.
     let (mut capture, calibration) = planted(Cfa::Bggr, 0.0, 0.9, |_, _, c| [0.06, 0.12, 0.05][c]);
     capture.colour.ccm = [3.1, -1.94, -0.16, -0.36, 1.64, -0.28, 0.08, -1.16, 2.08];
-    let open = decoded(&capture, &calibration, &without(Step::Gamut));
+    let open = decoded(&capture, &calibration, &without_view(ViewStep::Gamut));
     assert!(open.values.iter().any(|v| *v < -0.02));
     let fitted = decoded(&capture, &calibration, &Options::default());
     assert!(fitted.values.iter().all(|v| (0.0..=1.0).contains(v)));

@@ -15,7 +15,7 @@ use common::torment;
 use lenslet_core::calibration;
 use lenslet_core::container::segments::{Container, MAGIC, sha1_of};
 use lenslet_core::container::{self, CameraProfile, extract, json, members, metadata, open_capture, whites};
-use lenslet_core::decode::npz;
+use lenslet_core::decode::HexSamples;
 use lenslet_core::dictionary;
 use lenslet_core::lightfield::{self, ColourSpace, Format, Meta, ReadOptions};
 use lenslet_core::progress::Silent;
@@ -266,9 +266,9 @@ fn light_fields() {
 fn samples() {
     let slot = Slot::new("samples.npz");
     let whole = small_samples(12);
-    npz::save(&slot.path, &whole, false).unwrap();
+    whole.save(&slot.path, false).unwrap();
     let bytes = fs::read(&slot.path).unwrap();
-    torment(&bytes, 40, COUNT, |bytes| match npz::load(slot.put(bytes)) {
+    torment(&bytes, 40, COUNT, |bytes| match HexSamples::load(slot.put(bytes)) {
         Ok(s) => {
             assert_eq!(s.values.dim(), (s.views * s.views, s.centres.len(), s.values.dim().2));
             assert_eq!(s.index.len(), s.centres.len());
@@ -334,7 +334,7 @@ fn every_kind_of_file_is_refused_by_every_other_reader() {
         let path = slot.put(bytes);
         assert!(open_capture(path, Some("lytro-f01")).is_err() || bytes.starts_with(&MAGIC));
         assert!(calibration::load(path).is_err() || bytes.starts_with(b"LENSCAL"));
-        assert!(npz::load(path).is_err());
+        assert!(HexSamples::load(path).is_err());
         assert!(lightfield::load(path, &ReadOptions::default()).is_err());
         assert!(container::CameraProfile::find(path.to_str().unwrap()).is_err());
     }

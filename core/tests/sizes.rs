@@ -13,7 +13,7 @@ use common::files::{
     small_dictionary, small_samples, tar, without_checksum,
 };
 use lenslet_core::container::{CameraProfile, json, metadata, open_capture, whites};
-use lenslet_core::decode::npz;
+use lenslet_core::decode::HexSamples;
 use lenslet_core::lightfield::{self, ColourSpace, Format, Meta, ReadOptions};
 use lenslet_core::{calibration, dictionary};
 use ndarray::Array3;
@@ -137,9 +137,9 @@ fn readers(side: usize) -> Vec<Reader> {
     all.push(fields("light field .mat", "a.mat", Format::Mat, side / 2));
     all.push(fields("lenslet picture", "a.png", Format::Eslf, side / 4));
     let s = slot();
-    npz::save(&s.path, &small_samples((side * side / 100) as i32), false).unwrap();
+    small_samples((side * side / 100) as i32).save(&s.path, false).unwrap();
     all.push(reader("samples", fs::read(&s.path).unwrap(), move |b| {
-        npz::load(s.put(b)).map(|s| {
+        HexSamples::load(s.put(b)).map(|s| {
             assert_eq!((s.values.dim().0, s.values.dim().1), (s.views * s.views, s.centres.len()));
             assert!(s.view_step > 0.0 && s.centres.iter().flatten().all(|c| c.is_finite()));
         })

@@ -38,7 +38,18 @@ pub(super) fn assemble_capture(
         }
     }
     let mla = frame.mla.or_else(|| profile.and_then(|p| p.lenslets.clone()));
-    Capture { mosaic: pixels, cfa, levels, colour, camera, mla, source_sha256: sha256, white: None, warnings }
+    Capture {
+        mosaic: pixels,
+        cfa,
+        levels,
+        colour,
+        camera,
+        mla,
+        source_sha256: sha256,
+        jpeg: false,
+        white: None,
+        warnings,
+    }
 }
 
 /// Unpacks an image by its metadata, else by a profile.

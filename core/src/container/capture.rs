@@ -31,6 +31,9 @@ pub struct Capture {
     pub mla: Option<MlaHint>,
     /// sha256 (hex) of the file the mosaic came from.
     pub source_sha256: String,
+    /// Whether the mosaic was kept as a JPEG picture. Such a one has lost some of its colour: the filter array is the finest
+    /// detail there is, and JPEG drops that first.
+    pub jpeg: bool,
     /// White image carried by the same file (Illum .lfr), if any.
     pub white: Option<Box<Capture>>,
     /// What was odd but did not stop the reading (a sha1 that does not match, missing metadata …), one line each.
@@ -58,6 +61,7 @@ impl Capture {
             camera: CameraFacts::default(),
             mla: None,
             source_sha256: String::new(),
+            jpeg: false,
             white: None,
             warnings: Vec::new(),
         }

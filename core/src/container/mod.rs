@@ -33,6 +33,6 @@ pub use cfa::Cfa;
 pub use error::Error;
 pub use facts::{CameraFacts, ColourFacts, Levels, MlaHint};
 pub use lfp::{LocatedFrame, locate_frame};
-pub use open::{is_jpeg, open_capture};
+pub use open::open_capture;
 pub use profile::{CameraProfile, MeasuredBody, Sensor, same_model};
 pub use write::write_lfp;

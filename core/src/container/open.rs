@@ -69,9 +69,3 @@ fn read_capture(path: &Path, profile: Option<&CameraProfile>) -> Result<Capture,
     }
     raw::capture_from_raw(path, profile)
 }
-
-/// Whether a file is a JPEG picture. A mosaic stored as JPEG has lost part of its colour: the filter array is its
-/// finest detail, and fine detail is what JPEG drops.
-pub fn is_jpeg(path: &Path) -> bool {
-    file::head(path, 3).is_ok_and(|head| head == [0xff, 0xd8, 0xff])
-}

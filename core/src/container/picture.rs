@@ -71,6 +71,7 @@ pub(super) fn capture_from_picture(
     }
     facts.levels = Some(scaled);
     let mut capture = assemble_capture(pixels, facts, Some(profile), sha256_hex(bytes), warnings);
+    capture.jpeg = bytes.starts_with(&[0xff, 0xd8, 0xff]);
     if !hint {
         capture.mla = None;
     }

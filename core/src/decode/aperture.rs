@@ -1,23 +1,32 @@
-//! The views' places in the aperture, as the white image tells them: where its middle is, and how much light each view has.
+//! The views' places in the aperture, from the white image: where its middle is, and how much light each view has.
 //!
-//! A micro-image is a picture of the main lens's aperture, so its middle is the optical axis: view (0, 0) belongs there, and
-//! views near the border are dark. Both are read from the mean micro-image of the calibration's white image.
+//! A micro-image is a picture of the main lens's aperture, so its middle is the optical axis: view (0, 0) belongs
+//! there, and views near the border are dark. Both are read from the mean micro-image of the calibration's white
+//! image.
 
-use crate::calibration::{Calibration, Lattice, Vignetting};
+use super::micro_image::is_within;
+use super::samples::view_offset;
+use crate::calibration::{Calibration, Vignetting};
 
-/// Lenslets looked at, spread over the sensor.
+/// Lenslets that are averaged, spread over the sensor.
+///
+/// Source: chosen.
 const LENSLETS: usize = 4000;
-/// Share of the sensor's half diagonal within which the aperture is seen whole.
+/// Share of the sensor's half diagonal within which micro-images show the whole aperture.
+///
+/// Source: chosen.
 const CENTRAL: f64 = 0.6;
-/// Farthest correction, in pitches: more is not a calibration that is slightly off but a wrong one.
+/// Largest correction, in pitches: a larger one means that the calibration is wrong, not slightly off.
+///
+/// Source: chosen.
 const FARTHEST: f64 = 0.15;
 
-/// From the calibration's lenslet centres to the middle of the mean micro-image, in sensor pixels: what makes view (0, 0) the
-/// optical axis. 0 without a white image, or where the light has no maximum within reach.
+/// From the calibration's lenslet centres to the middle of the mean micro-image, in sensor pixels: moved by it, the
+/// middle view lies on the optical axis. 0 without a white image, or where the light has no maximum within reach.
 ///
 /// Objective: the paraboloid a + b·x + c·y + e·(x² + y²) with the least squared error to the white image about the
-/// centres, and its apex; repeated about the apex, where b = c = 0 holds for every profile that is symmetric.
-pub(super) fn middle(calibration: &Calibration) -> [f64; 2] {
+/// centres, and its apex; repeated about the apex, where b = c = 0 for every symmetric profile.
+pub(super) fn aperture_middle(calibration: &Calibration) -> [f64; 2] {
     let Some(white) = &calibration.vignetting else { return [0.0; 2] };
     let pitch = calibration.lattice.pitch();
     let mut at = [0.0; 2];
@@ -42,7 +51,7 @@ fn apex(calibration: &Calibration, white: &Vignetting, at: [f64; 2], radius: f64
     let reach = radius.ceil() as i64 + 1;
     let (cx, cy) = (calibration.width as f64 / 2.0, calibration.height as f64 / 2.0);
     let central = CENTRAL * cx.hypot(cy);
-    for l in chosen(calibration).filter(|c| (c[0] - cx).hypot(c[1] - cy) < central) {
+    for l in spread_centres(calibration).filter(|c| (c[0] - cx).hypot(c[1] - cy) < central) {
         let c = [l[0] + at[0], l[1] + at[1]];
         let (x0, y0) = (c[0].round() as i64, c[1].round() as i64);
         if x0 < reach || y0 < reach || x0 + reach >= white.width as i64 || y0 + reach >= white.height as i64 {
@@ -89,17 +98,15 @@ fn solve(mut m: [[f64; 5]; 4]) -> Option<[f64; 4]> {
     Some(std::array::from_fn(|k| m[k][4] / m[k][k]))
 }
 
-/// How far each view can be relied on, 0..=1, in the order of `HexSamples`: the white image's mean light where the view looks,
-/// the brightest view being 1; 0 for views that look past the border of their micro-image, whose values are only
-/// continued from within. `centres` are the lenslets'.
-pub(super) fn weights(calibration: &Calibration, centres: &[[f64; 2]], views: usize, step: f64) -> Vec<f32> {
-    let half = (views / 2) as f64;
-    let offset = |k: usize| [((k % views) as f64 - half) * step, ((k / views) as f64 - half) * step];
+/// How reliable each view is, 0..=1, in the order of `HexSamples`: the white image's mean light at the view, the
+/// brightest view being 1; 0 for views past the border of their micro-image, whose values are only extrapolated.
+/// `centres` are the lenslets'.
+pub(super) fn view_weights(calibration: &Calibration, centres: &[[f64; 2]], views: usize, step: f64) -> Vec<f32> {
     let every = (centres.len() / LENSLETS).max(1);
     let light: Vec<f64> = (0..views * views)
         .map(|k| {
-            let [u, v] = offset(k);
-            if !within(&calibration.lattice, [u, v]) {
+            let [u, v] = view_offset(views, step, k);
+            if !is_within(&calibration.lattice, [u, v]) {
                 return 0.0;
             }
             let Some(white) = &calibration.vignetting else { return 1.0 };
@@ -109,13 +116,8 @@ pub(super) fn weights(calibration: &Calibration, centres: &[[f64; 2]], views: us
         })
         .collect();
     let full = light.iter().copied().fold(0.0, f64::max);
-    // A white image without light says nothing.
+    // Without any light in the white image all views count alike.
     light.iter().map(|&l| if full > 0.0 { (l / full) as f32 } else { 1.0 }).collect()
-}
-
-/// Whether an offset is nearer to its own centre than to the lenslets around.
-fn within(lattice: &Lattice, d: [f64; 2]) -> bool {
-    super::micro::neighbours(lattice).iter().all(|n| d[0] * n[0] + d[1] * n[1] <= (n[0] * n[0] + n[1] * n[1]) / 2.0)
 }
 
 fn bilinear(white: &Vignetting, x: f64, y: f64) -> Option<f64> {
@@ -128,7 +130,7 @@ fn bilinear(white: &Vignetting, x: f64, y: f64) -> Option<f64> {
     Some((at(0, 0) * (1.0 - fx) + at(1, 0) * fx) * (1.0 - fy) + (at(0, 1) * (1.0 - fx) + at(1, 1) * fx) * fy)
 }
 
-fn chosen(calibration: &Calibration) -> impl Iterator<Item = [f64; 2]> {
+fn spread_centres(calibration: &Calibration) -> impl Iterator<Item = [f64; 2]> {
     let every = (calibration.lenslets.len() / LENSLETS).max(1);
     calibration.lenslets.iter().step_by(every).map(|l| [l.x, l.y])
 }

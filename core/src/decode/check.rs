@@ -1,19 +1,20 @@
-//! What [`super::samples`] refuses before it begins, by whose fault it is.
+//! What decoding refuses before it begins, by whose fault it is.
 
-use super::{Error, Options, Step, WhiteBalance, after_demosaic};
-use crate::calibration::Calibration;
+use super::error::Error;
+use super::options::{Options, WhiteBalance};
+use super::steps::ViewStep;
+use crate::calibration::{Calibration, Lenslet};
 use crate::container::Capture;
 
-/// Steps that work on samples of three colours, after the demosaic.
-fn sees_colours(step: &Step) -> bool {
-    matches!(step, Step::CalmColours | Step::ColourMatrix | Step::ExposureBias | Step::Exposure(_) | Step::Gamut)
+/// Refuses inputs that contradict themselves and options out of range; the sensor sizes are already known to agree.
+pub(super) fn check_inputs(capture: &Capture, calibration: &Calibration, options: &Options) -> Result<(), Error> {
+    check_capture(capture)?;
+    check_calibration(calibration)?;
+    check_options(options)
 }
 
-pub(super) fn check(capture: &Capture, calibration: &Calibration, options: &Options) -> Result<(), Error> {
+fn check_capture(capture: &Capture) -> Result<(), Error> {
     let (width, height) = (capture.mosaic.width, capture.mosaic.height);
-    if (calibration.width, calibration.height) != (width, height) {
-        return Err(Error::Mismatch { calibration: (calibration.width, calibration.height), capture: (width, height) });
-    }
     let pixels = width.checked_mul(height).filter(|&n| n > 0 && n <= 1 << 28);
     if pixels != Some(capture.mosaic.data.len()) || width < 8 || height < 8 {
         return Err(Error::Capture(format!("{} values for {width}x{height} pixels", capture.mosaic.data.len())));
@@ -28,6 +29,12 @@ pub(super) fn check(capture: &Capture, calibration: &Calibration, options: &Opti
     if !finite(&capture.colour.ccm) || !capture.colour.white_balance.iter().all(|&g| g > 0.0 && g < 1e3) {
         return Err(Error::Capture("its white balance or colour matrix has no sensible values".into()));
     }
+    Ok(())
+}
+
+fn check_calibration(calibration: &Calibration) -> Result<(), Error> {
+    let (width, height) = (calibration.width, calibration.height);
+    let pixels = width.checked_mul(height);
     if let Some(v) = &calibration.vignetting
         && ((v.width, v.height) != (width, height) || Some(v.white.len()) != pixels)
     {
@@ -43,12 +50,15 @@ pub(super) fn check(capture: &Capture, calibration: &Calibration, options: &Opti
     if calibration.lenslets.is_empty() || u32::try_from(calibration.lenslets.len()).is_err() {
         return Err(Error::Calibration(format!("it has {} lenslets", calibration.lenslets.len())));
     }
-    let near = |l: &crate::calibration::Lenslet| {
-        (-64.0..width as f64 + 64.0).contains(&l.x) && (-64.0..height as f64 + 64.0).contains(&l.y)
-    };
+    let near =
+        |l: &Lenslet| (-64.0..width as f64 + 64.0).contains(&l.x) && (-64.0..height as f64 + 64.0).contains(&l.y);
     if !calibration.lenslets.iter().all(near) {
         return Err(Error::Calibration("it has a lenslet far off the sensor".into()));
     }
+    Ok(())
+}
+
+fn check_options(options: &Options) -> Result<(), Error> {
     if options.views.is_multiple_of(2) || options.views > 15 {
         return Err(Error::Parameter(format!("{0}x{0} views: the number must be odd, 1 to 15", options.views)));
     }
@@ -58,17 +68,7 @@ pub(super) fn check(capture: &Capture, calibration: &Calibration, options: &Opti
             options.view_step
         )));
     }
-    let kinds = options.steps.iter().filter(|s| matches!(s, Step::Demosaic(_))).count();
-    let mut early = options.steps.iter().take_while(|s| !matches!(s, Step::Demosaic(_)));
-    if kinds != 1 || early.any(sees_colours) {
-        return Err(Error::Parameter(
-            "the steps need exactly one demosaic, and those that see three colours come after it".into(),
-        ));
-    }
-    if after_demosaic(&options.steps).skip(1).any(|s| !sees_colours(s)) {
-        return Err(Error::Parameter("after the demosaic only steps that see three colours can follow".into()));
-    }
-    if options.steps.iter().any(|s| matches!(s, Step::Exposure(ev) if !(-32.0..=32.0).contains(ev))) {
+    if options.steps.view.iter().any(|s| matches!(s, ViewStep::Exposure(ev) if !(-32.0..=32.0).contains(ev))) {
         return Err(Error::Parameter("the exposure must be within 32 EV".into()));
     }
     if let WhiteBalance::Gains(gains) = options.white_balance

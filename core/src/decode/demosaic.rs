@@ -1,9 +1,9 @@
-//! Plain demosaics: they know the filter array, not the lenslets.
+//! Plain demosaics: by the filter array alone, without regard to lenslets.
 
 use ndarray::Array3;
 use rayon::prelude::*;
 
-use super::develop::Mosaic;
+use super::mosaic::{Mosaic, mirror};
 use crate::container::Cfa;
 
 /// Reads with the border mirrored about the edge pixel, which keeps the colours in step.
@@ -12,12 +12,7 @@ struct Mirrored<'a>(&'a Mosaic);
 impl Mirrored<'_> {
     #[inline]
     fn at(&self, y: isize, x: isize) -> f32 {
-        let fold = |v: isize, n: usize| {
-            let last = n as isize - 1;
-            let v = if v < 0 { -v } else { v };
-            (if v > last { 2 * last - v } else { v }) as usize
-        };
-        self.0.data[fold(y, self.0.height) * self.0.width + fold(x, self.0.width)]
+        self.0.data[mirror(y as i64, self.0.height) * self.0.width + mirror(x as i64, self.0.width)]
     }
 }
 
@@ -28,13 +23,13 @@ pub(super) fn mono(mosaic: &Mosaic) -> Array3<f32> {
 
 /// Means of the nearest pixels of each colour.
 pub(super) fn bilinear(mosaic: &Mosaic, cfa: Cfa) -> Array3<f32> {
-    each(mosaic, |m, y, x| {
+    for_each_pixel(mosaic, |m, y, x| {
         let (yi, xi) = (y as isize, x as isize);
         let own = m.at(yi, xi);
         let row = (m.at(yi, xi - 1) + m.at(yi, xi + 1)) / 2.0;
         let column = (m.at(yi - 1, xi) + m.at(yi + 1, xi)) / 2.0;
         let corners = (m.at(yi - 1, xi - 1) + m.at(yi - 1, xi + 1) + m.at(yi + 1, xi - 1) + m.at(yi + 1, xi + 1)) / 4.0;
-        arrange(cfa, y, x, own, (row + column) / 2.0, row, column, corners)
+        to_rgb(cfa, y, x, own, (row + column) / 2.0, row, column, corners)
     })
 }
 
@@ -43,7 +38,7 @@ pub(super) fn bilinear(mosaic: &Mosaic, cfa: Cfa) -> Array3<f32> {
 /// Each filter is the bilinear mean plus a share of the Laplacian of the colour measured at the pixel:
 /// ½ for green, ⅝ for red/blue at green, ¾ for red at blue and blue at red.
 pub(super) fn malvar(mosaic: &Mosaic, cfa: Cfa) -> Array3<f32> {
-    each(mosaic, |m, y, x| {
+    for_each_pixel(mosaic, |m, y, x| {
         let (yi, xi) = (y as isize, x as isize);
         let own = m.at(yi, xi);
         let row1 = m.at(yi, xi - 1) + m.at(yi, xi + 1);
@@ -56,14 +51,14 @@ pub(super) fn malvar(mosaic: &Mosaic, cfa: Cfa) -> Array3<f32> {
         let row = (4.0 * row1 + 5.0 * own - corner - row2 + 0.5 * column2) / 8.0;
         let column = (4.0 * column1 + 5.0 * own - corner - column2 + 0.5 * row2) / 8.0;
         let corners = (2.0 * corner + 6.0 * own - 1.5 * (row2 + column2)) / 8.0;
-        arrange(cfa, y, x, own, green, row, column, corners)
+        to_rgb(cfa, y, x, own, green, row, column, corners)
     })
 }
 
-/// Puts the five estimates where the pixel's place in the filter array wants them.
+/// Red, green and blue of the five estimates, by the pixel's place in the filter array.
 #[allow(clippy::too_many_arguments)] // five numbers with a meaning each; a struct would only rename them
 #[inline]
-fn arrange(cfa: Cfa, y: usize, x: usize, own: f32, cross: f32, row: f32, column: f32, corners: f32) -> [f32; 3] {
+fn to_rgb(cfa: Cfa, y: usize, x: usize, own: f32, cross: f32, row: f32, column: f32, corners: f32) -> [f32; 3] {
     match cfa.plane(x, y) {
         0 => [own, cross, corners],
         1 => [row, own, column],
@@ -72,7 +67,7 @@ fn arrange(cfa: Cfa, y: usize, x: usize, own: f32, cross: f32, row: f32, column:
     }
 }
 
-fn each(mosaic: &Mosaic, pixel: impl Fn(&Mirrored<'_>, usize, usize) -> [f32; 3] + Sync) -> Array3<f32> {
+fn for_each_pixel(mosaic: &Mosaic, pixel: impl Fn(&Mirrored<'_>, usize, usize) -> [f32; 3] + Sync) -> Array3<f32> {
     let mut out = Array3::zeros((mosaic.height, mosaic.width, 3));
     let source = Mirrored(mosaic);
     if let Some(flat) = out.as_slice_mut() {

@@ -1,42 +1,47 @@
 //! Colours the screen cannot show, brought to the nearest it can: towards grey of the same luminance, hue kept.
 //!
-//! A camera's colour matrix subtracts colours from each other, so deep colours, and dark ones with noise on them, come out
-//! with channels below 0. Cutting those at 0 changes hue and luminance and leaves bright specks. Here a colour
-//! `y + d` (y its luminance, d what is left) becomes `y + k·d`, k the same for the three channels: the line through grey is
-//! the line of constant hue in linear light. With x = how far the colour is from grey as a share of the way to the
-//! border of the cube, k = f(x)/x, f(x) = x up to `KNEE` and from there towards 1 without ever reaching it.
+//! A camera's colour matrix subtracts colours from each other, so deep colours, and dark ones with noise on them, come
+//! out with channels below 0. Cutting those at 0 changes hue and luminance and leaves bright specks. Here a colour
+//! `y + d` (y its luminance, d the rest) becomes `y + k·d`, k the same for the three channels: the line through grey is
+//! the line of constant hue in linear light. With x = the distance of the colour from grey as a share of the way to the
+//! border of the cube, k = f(x)/x, f(x) = x up to `KNEE` and from there towards 1 without reaching it.
 //!
-//! Above the range there is a choice: darken and keep the colour, or keep the light and fade to white. The mean of both is taken.
+//! Above the range there is a choice: darken and keep the colour, or keep the light and fade to white. The mean of
+//! both is taken.
 
 use ndarray::Array3;
 use rayon::prelude::*;
 
 /// Share of the way to the border up to which nothing changes.
+///
+/// Source: chosen.
 const KNEE: f32 = 0.95;
 /// Luminance of linear sRGB primaries.
-pub(super) const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
+///
+/// Source: IEC 61966-2-1.
+const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
 /// Fits every colour of `values` (…, …, 3) into 0..=1; other numbers of channels stay as they are.
-pub fn fit_all(values: &mut Array3<f32>) {
+pub(super) fn fit_colours(values: &mut Array3<f32>) {
     if values.dim().2 != 3 {
         return;
     }
     if let Some(flat) = values.as_slice_mut() {
         flat.par_chunks_mut(3 * 4096).for_each(|part| {
             for p in part.as_chunks_mut::<3>().0 {
-                *p = fit(*p);
+                *p = fit_colour(*p);
             }
         });
     }
 }
 
-/// One colour in linear sRGB, of any size, as one within 0..=1. Greys within the range and colours not near its border are
-/// returned as they are; what is no number becomes black.
-pub fn fit(rgb: [f32; 3]) -> [f32; 3] {
+/// One colour in linear sRGB, of any size, as one within 0..=1. Greys within the range and colours not near its border
+/// are returned as they are; NaN becomes black.
+fn fit_colour(rgb: [f32; 3]) -> [f32; 3] {
     let least = rgb[0].min(rgb[1]).min(rgb[2]);
     let most = rgb[0].max(rgb[1]).max(rgb[2]);
     let y: f32 = (0..3).map(|c| LUMINANCE[c] * rgb[c]).sum();
-    // Nearly every colour ends here.
+    // The usual case.
     if y - least <= KNEE * y && most - y <= KNEE * (1.0 - y) {
         return rgb;
     }
@@ -89,7 +94,7 @@ mod tests {
     fn everything_fits_and_keeps_its_hue() {
         let mut changed = 0;
         for p in raster() {
-            let q = fit(p);
+            let q = fit_colour(p);
             assert!(q.iter().all(|v| (0.0..=1.0).contains(v)), "{p:?} {q:?}");
             let (y, z) = (luminance(p), luminance(q));
             if y <= 0.0 {
@@ -113,15 +118,15 @@ mod tests {
     fn greys_and_colours_inside_stay_and_light_beyond_the_range_is_white() {
         for k in 0..=20 {
             let grey = [k as f32 / 20.0; 3];
-            let got = fit(grey);
+            let got = fit_colour(grey);
             assert!(got.iter().all(|v| (v - grey[0]).abs() < 1e-6), "{got:?}");
         }
-        assert_eq!(fit([0.7, 0.2, 0.1]), [0.7, 0.2, 0.1]);
-        assert_eq!(fit([5.0, 5.0, 5.0]), [1.0; 3]);
-        assert_eq!(fit([f32::NAN, 0.2, 0.3]), [0.0; 3]);
-        assert_eq!(fit([f32::INFINITY, 0.2, 0.3]), [0.0; 3]);
+        assert_eq!(fit_colour([0.7, 0.2, 0.1]), [0.7, 0.2, 0.1]);
+        assert_eq!(fit_colour([5.0, 5.0, 5.0]), [1.0; 3]);
+        assert_eq!(fit_colour([f32::NAN, 0.2, 0.3]), [0.0; 3]);
+        assert_eq!(fit_colour([f32::INFINITY, 0.2, 0.3]), [0.0; 3]);
         // A green leaf that the matrix pushed below 0: cutting would add light and turn it.
-        let leaf = fit([-0.05, 0.2, 0.02]);
+        let leaf = fit_colour([-0.05, 0.2, 0.02]);
         assert!(
             leaf[0] > 0.0 && leaf[0] < 0.02 && leaf[1] > leaf[2] && (luminance(leaf) - 0.1338).abs() < 1e-3,
             "{leaf:?}"
@@ -131,11 +136,11 @@ mod tests {
     #[test]
     fn nothing_jumps() {
         for p in raster() {
-            let q = fit(p);
+            let q = fit_colour(p);
             for c in 0..3 {
                 let mut near = p;
                 near[c] += 1e-4;
-                let r = fit(near);
+                let r = fit_colour(near);
                 let step = (0..3).map(|k| (q[k] - r[k]).abs()).fold(0.0, f32::max);
                 // Steep only where hardly any light is left to carry a colour.
                 let room = luminance(p).min((luminance(p) - 1.0).abs().max(0.02));

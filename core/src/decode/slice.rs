@@ -1,39 +1,35 @@
 //! Slicing: every view's value at every lenslet, read from a demosaiced image at sub-pixel places.
 
-use ndarray::{Array3, ArrayView3};
+use ndarray::Array3;
 use rayon::prelude::*;
 
-use super::{Error, HexSamples};
+use super::error::Error;
+use super::samples::HexSamples;
 use crate::progress::Observer;
 use crate::sampling::bicubic;
 
 /// Views `(views², lenslets, channels)` of `image` (height, width, channels): view (v, u) reads at
 /// centre + (u, v)·view_step, bicubic.
-pub(super) fn views(image: &Array3<f32>, samples: &HexSamples, observer: &dyn Observer) -> Result<Array3<f32>, Error> {
+pub(super) fn slice_views(
+    image: &Array3<f32>,
+    samples: &HexSamples,
+    observer: &dyn Observer,
+) -> Result<Array3<f32>, Error> {
     let channels = image.dim().2;
     let (n, lenslets) = (samples.views, samples.centres.len());
     let mut values = Array3::zeros((n * n, lenslets, channels));
     observer.begin("slicing views", (n * n) as u64);
-    let half = (n / 2) as f64;
     if let Some(flat) = values.as_slice_mut() {
         for (k, view) in flat.chunks_mut((lenslets * channels).max(1)).enumerate() {
-            if observer.cancelled() {
-                return Err(Error::Interrupted);
-            }
-            let dv = ((k / n) as f64 - half) * samples.view_step;
-            let du = ((k % n) as f64 - half) * samples.view_step;
+            observer.check()?;
+            let [du, dv] = samples.view_offset(k);
             view.par_chunks_mut(channels * 1024).zip(samples.centres.par_chunks(1024)).for_each(|(out, centres)| {
                 for (o, c) in out.chunks_exact_mut(channels).zip(centres) {
-                    inner(image.view(), c[0] + du, c[1] + dv, o);
+                    bicubic::at(image.view(), c[0] + du, c[1] + dv, o);
                 }
             });
             observer.advance(1);
         }
     }
     Ok(values)
-}
-
-#[inline]
-fn inner(image: ArrayView3<'_, f32>, x: f64, y: f64, out: &mut [f32]) {
-    bicubic::at(image, x, y, out);
 }

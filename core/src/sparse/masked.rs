@@ -1,4 +1,5 @@
-//! Each signal observed in its own way: min over φ of ½‖S(y − Dᵀφ)‖² + λ‖φ‖₁, S a diagonal √W (weights, masks) or any matrix.
+//! Each signal observed in its own way: min over φ of ½‖S(y − Dᵀφ)‖² + λ‖φ‖₁, S a diagonal √W (weights, masks) or any
+//! matrix.
 //!
 //! With S differing from signal to signal no Gram matrix can be shared; the f64 active set works from residuals. The
 //! certificates are those of [`super::solve`], for this objective.
@@ -19,12 +20,12 @@ use super::solver::Solver;
 /// Source: chosen.
 const BLOCK: usize = 64;
 
-/// Solves min ½ Σ_i w_i (y − Dᵀφ)_i² + λ‖φ‖₁ for every row y of `signals` and w of `weights` (both N×m, weights at least 0; 0
-/// hides a value, whatever finite number stands there). In f64.
+/// Solves min ½ Σ_i w_i (y − Dᵀφ)_i² + λ‖φ‖₁ for every row y of `signals` and w of `weights` (both N×m, weights at
+/// least 0; 0 hides a value, whatever finite number stands there). In f64.
 ///
 /// # Errors
-/// Non-finite signals or weights, negative weights, shapes that do not fit, parameters out of range, a solver other than
-/// `Auto` or `ActiveSet`, a number of non-zeros.
+/// Non-finite signals or weights, negative weights, shapes that do not fit, parameters out of range, a solver other
+/// than `Auto` or `ActiveSet`, a number of non-zeros.
 ///
 /// ```
 /// use lenslet_core::sparse::{self, Options, Penalty};
@@ -58,8 +59,8 @@ pub fn solve_weighted(
     }))
 }
 
-/// Solves min ½‖y − S Dᵀφ‖² + λ‖φ‖₁ for every row y of `signals` (N×p), each with its own matrix S of `samplings` (N×p×m). In
-/// f64.
+/// Solves min ½‖y − S Dᵀφ‖² + λ‖φ‖₁ for every row y of `signals` (N×p), each with its own matrix S of `samplings`
+/// (N×p×m). In f64.
 ///
 /// # Errors
 /// As [`solve_weighted`].

@@ -1,9 +1,9 @@
 //! Sparse coding: min over φ of ½‖y − Dᵀφ‖² + λ‖φ‖₁ for millions of small problems, every answer with its duality gap.
 //!
-//! Scaling: ½ on the data term, no 1/n, atoms of unit norm. `D` is K×m (one atom a row, as in scikit-learn), signals are
-//! N×m (one a row). [`prepare`] a dictionary once, then [`solve`] any number of signals; every solver has the same
-//! signature and gives the same [`Codes`]. Answers do not depend on the number of threads, nor on the order of the signals,
-//! nor on the processor.
+//! Scaling: ½ on the data term, no 1/n, atoms of unit norm. `D` is K×m (one atom a row, as in scikit-learn), signals
+//! are N×m (one a row). [`prepare`] a dictionary once, then [`solve`] any number of signals; every solver has the same
+//! signature and gives the same [`Codes`]. Answers do not depend on the number of threads, nor on the order of the
+//! signals, nor on the processor.
 //!
 //! | function | objective |
 //! |---|---|
@@ -12,8 +12,9 @@
 //! | [`solve_sampled`] | ½‖y − S Dᵀφ‖² + λ‖φ‖₁, a sampling matrix of each signal's own |
 //! | [`homotopy_path`] | the minimisers for all λ |
 //!
-//! The layers, each above the next: `solve` and `masked` (checks, blocks of signals) → `options`, `solver` → `reference`
-//! (plain solvers, the oracles) → `kernel` (the f32 active set on SIMD lanes, its f64 twin) → `codes`, `problem`, `prepared`.
+//! The layers, each above the next: `solve` and `masked` (checks, blocks of signals) → `options`, `solver` →
+//! `reference` (plain solvers, the oracles) → `kernel` (the f32 active set on SIMD lanes, its f64 twin) → `codes`,
+//! `problem`, `prepared`.
 
 mod codes;
 mod error;

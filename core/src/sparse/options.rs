@@ -1,4 +1,4 @@
-//! What is asked of a solve: solver, penalty, tolerance; and the check of their ranges.
+//! Options of a solve: solver, penalty, tolerance; and the check of their ranges.
 
 use super::error::Error;
 use super::penalty::{Penalty, check_lambda};

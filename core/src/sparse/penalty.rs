@@ -14,7 +14,8 @@ pub enum Penalty {
 }
 
 impl Penalty {
-    /// λ of a signal whose λ_max is `lambda_max` (needed by [`Penalty::FractionOfMax`] only); 0 for a number of non-zeros.
+    /// λ of a signal whose λ_max is `lambda_max` (needed by [`Penalty::FractionOfMax`] only); 0 for a number of
+    /// non-zeros.
     pub(crate) fn lambda(self, lambda_max: f64) -> f32 {
         match self {
             Penalty::Lambda(lambda) => lambda,

@@ -1,7 +1,8 @@
-//! A dictionary made ready for solving: atoms in padded rows and in panels for the product, and the Gram matrix G = D Dᵀ.
+//! A dictionary made ready for solving: atoms in padded rows and in panels for the product, and the Gram matrix G = D
+//! Dᵀ.
 //!
-//! Inside, atoms stand in another order: sixteen atoms that resemble each other fill a chunk, so that the atoms a signal
-//! needs lie in few chunks. Codes number them as the caller does.
+//! Inside, atoms stand in another order: sixteen atoms that resemble each other fill a chunk, so that the atoms a
+//! signal needs lie in few chunks. Codes number them as the caller does.
 
 use ndarray::{Array2, ArrayView2};
 
@@ -195,8 +196,8 @@ fn gram(prepared: &Prepared) -> Vec<Chunk> {
     gram
 }
 
-/// An order that puts atoms that resemble each other (by |inner product|) into the same chunk: the atom that resembles the
-/// remaining ones most, then fifteen that resemble the chunk so far most; of equals the lowest number.
+/// An order that puts atoms that resemble each other (by |inner product|) into the same chunk: the atom that resembles
+/// the remaining ones most, then fifteen that resemble the chunk so far most; of equals the lowest number.
 fn similarity_order(gram: &[Chunk], k: usize, width: usize) -> Vec<u32> {
     let row = |i: usize| &flat(&gram[i * width..(i + 1) * width])[..k];
     let mut left = vec![true; k];

@@ -59,7 +59,7 @@ pub(crate) struct Work {
     /// D (y − Dᵀφ).
     pub gradient: Vec<f32>,
     pub residual: Vec<f64>,
-    /// The largest of the Gram matrix, once proximal gradient has asked for it.
+    /// Bound on the largest eigenvalue of the Gram matrix; proximal gradient computes it at its first use.
     pub eigenvalue: Option<f32>,
 }
 

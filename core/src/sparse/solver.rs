@@ -6,7 +6,8 @@ use super::reference::{descent, homotopy, omp, proximal};
 /// Which algorithm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Solver {
-    /// [`Solver::ActiveSet`] for a λ, [`Solver::Omp`] for a number of non-zeros: the fastest exact ones at every shape measured.
+    /// [`Solver::ActiveSet`] for a λ, [`Solver::Omp`] for a number of non-zeros: the fastest exact ones at every shape
+    /// measured.
     Auto,
     /// Exact active set on the Gram matrix.
     ActiveSet,

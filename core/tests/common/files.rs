@@ -42,6 +42,7 @@ pub fn capture_of(side: usize) -> Capture {
         },
         mla: Some(MlaHint { pitch: 10.0, rotation: 0.001, row_stretch: 1.0004 }),
         source_sha256: String::new(),
+        jpeg: false,
         white: None,
         warnings: Vec::new(),
     }

@@ -72,6 +72,7 @@ fn with_facts(camera: &Camera, mosaic: RawMosaic, white: bool) -> Capture {
         },
         mla: Some(MlaHint { pitch: grid.pitch, rotation: grid.rotation, row_stretch: grid.row_stretch }),
         source_sha256: String::new(),
+        jpeg: false,
         white: None,
         warnings: Vec::new(),
     }

@@ -37,8 +37,9 @@ pub fn hidden_score<E: From<Error>>(
         "the share of hidden lenslets must be above 0 and below 0.5, not {share}"
     );
     let (views, n, channels) = samples.values.dim();
-    let index = at.0 * samples.views + at.1;
-    ensure_shape!(at.0 < samples.views && at.1 < samples.views && index < views, "there is no view {},{}", at.0, at.1);
+    let inside = at.0 < samples.views && at.1 < samples.views && views == samples.views * samples.views;
+    ensure_shape!(inside, "there is no view {},{}", at.0, at.1);
+    let index = samples.view_index(at.0, at.1);
     ensure_shape!(
         n == samples.centres.len(),
         "the samples contradict each other: {n} values at {} places",

@@ -13,7 +13,6 @@ use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::View;
 use lenslet_core::progress::Observer;
 use lenslet_core::sampling::bicubic;
-use ndarray::Axis;
 
 use super::working_size::working_size;
 use crate::Error;
@@ -94,7 +93,7 @@ impl<'a> LearnedViews<'a> {
         let encoded = low.encode();
         let sharp = match &self.step {
             Step::Consistent(step) => {
-                let values = self.samples.values.index_axis(Axis(0), v * self.samples.views + u);
+                let values = self.samples.view(v, u);
                 step.reconstruct_view(&encoded, values)?
             }
             Step::Alone(step) => step.reconstruct_view(&encoded)?,

@@ -1,12 +1,12 @@
 //! The default solver of a block of signals: min ½‖y − Dᵀφ‖² + λ‖φ‖₁ by an f32 active set with an f64 certificate.
 //!
-//! Exact active set by feature signs (after Lee et al., NIPS 2006): the support S with its signs θ holds
+//! Exact active set by feature signs (after Lee et al., NIPS 2006). For a support S with signs θ the minimum is at
 //! φ_S = G_SS⁻¹(b_S − λθ), b = D y, G = D Dᵀ. Each round finds the atom that violates |c| ≤ λ most (c = b − G φ, see
-//! [`super::candidate_search`]), adds it and moves to the new minimum (see [`super::update`]). All in f32; the settled code is
-//! judged by its duality gap in f64 (see [`super::certificate`]), and where that is above the tolerance the f64 solver starts
-//! anew.
+//! [`super::candidate_search`]), adds it and moves to the new minimum (see [`super::update`]). All in f32; the duality
+//! gap of the final code is computed in f64 (see [`super::certificate`]), and where it is above the tolerance the f64
+//! solver starts anew.
 //!
-//! Two or three signals are in work at once and take turns, so that the processor computes for one while another waits for
+//! Two or three signals are processed at once, in turns, so that the processor computes for one while another waits for
 //! memory or for a chain of additions. Their numbers are independent of each other.
 
 use super::active_set_f64::{self, Observation, ObservedProblem};
@@ -155,7 +155,8 @@ impl LassoBlock<'_> {
     }
 }
 
-/// Continues with a support that has outgrown its slot. Returns the largest |c| outside the support, or infinity for failure.
+/// Continues with a support that has outgrown its slot. Returns the largest |c| outside the support, or infinity for
+/// failure.
 #[inline(always)]
 fn finish_in_large_state<S: Lanes, const CANDIDATES: bool>(
     lanes: S,
@@ -210,7 +211,8 @@ fn start_signal<S: Lanes>(
     }
 }
 
-/// Takes the code when its gap is small enough, if need be after one correction of its values. False: f64 has to solve it.
+/// Takes the code when its gap is small enough, if need be after one correction of its values. False: f64 has to solve
+/// it.
 #[inline(always)]
 fn accept_if_certified<S: Lanes, const C: usize>(
     lanes: S,

@@ -1,8 +1,9 @@
 //! The active set in f64 from residuals, slow and exact: min ½‖y − S Dᵀφ‖² + λ‖φ‖₁, S the identity or the signal's own.
 //!
-//! No Gram matrix of the dictionary is needed, so every signal may have its own sampling S (weights, a mask, or any matrix).
-//! Each move is the correction Δ = G_SS⁻¹(A_Sᵀr − λθ) for the current residual r, so rounding does not accumulate. Linearly
-//! dependent atoms are exchanged along the null direction. The oracle of the f32 active set, and its fallback.
+//! No Gram matrix of the dictionary is needed, so every signal may have its own sampling S (weights, a mask, or any
+//! matrix). Each move is the correction Δ = G_SS⁻¹(A_Sᵀr − λθ) for the current residual r, so rounding does not
+//! accumulate. Linearly dependent atoms are exchanged along the null direction. The oracle of the f32 active set, and
+//! its fallback.
 
 use ndarray::ArrayView2;
 
@@ -144,8 +145,8 @@ fn most_violating_atom(
     best.1
 }
 
-/// Moves to the minimum for the current signs, removing atoms that would change sign on the way (not with λ = 0, where the
-/// objective does not depend on signs).
+/// Moves to the minimum for the current signs, removing atoms that would change sign on the way (not with λ = 0, where
+/// the objective does not depend on signs).
 fn move_to_minimum(members: &mut Vec<Member>, error: &mut Vec<f64>, keep_signs: bool) {
     while !members.is_empty() {
         let Some(step) = solve_gram(members, error) else { return };

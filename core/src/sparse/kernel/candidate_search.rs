@@ -1,10 +1,10 @@
 //! Which atom enters next: the largest |c| of c = b − G φ, sought among a few chunks of candidate atoms.
 //!
-//! Atoms that resemble each other share chunks of sixteen, so the atoms that a signal needs lie in few chunks. A search of all
-//! atoms finds the largest |c| of each chunk; the eight chunks with the highest become the candidates, with copies of those
-//! parts of the support's Gram rows, small enough to stay in the first cache. Rounds search the candidates until the
-//! optimality conditions hold on them, then all atoms are checked; when they hold there, too, the support is final. The order
-//! of entry differs from a search over all atoms, the answer does not.
+//! Atoms that resemble each other share chunks of sixteen, so the atoms that a signal needs lie in few chunks. A
+//! search of all atoms finds the largest |c| of each chunk; the eight chunks with the highest become the candidates,
+//! with copies of those parts of the support's Gram rows, small enough to stay in the first cache. Rounds search the
+//! candidates until the optimality conditions hold on them, then all atoms are checked; when they hold there, too, the
+//! support is final. The order of entry differs from a search over all atoms, the answer does not.
 // Loops by index: iterator chains are not always inlined into the function that has the processor's features.
 #![allow(clippy::needless_range_loop)]
 
@@ -24,8 +24,8 @@ pub(crate) enum Search {
 }
 
 /// Finds the atom that violates its condition most. `correlations` are those of the signal less λθ on the support;
-/// `peaks` is scratch of one value a chunk. With `CANDIDATES` it is sought among the candidate chunks, otherwise among all
-/// (at most [`MAX_CHUNKS_SEARCHED_WHOLE`]).
+/// `peaks` is scratch of one value a chunk. With `CANDIDATES` it is sought among the candidate chunks, otherwise among
+/// all (at most [`MAX_CHUNKS_SEARCHED_WHOLE`]).
 #[inline(always)]
 pub(crate) fn find_entering<S: Lanes, const C: usize, const CANDIDATES: bool>(
     lanes: S,
@@ -280,7 +280,8 @@ fn search_chunks<S: Lanes, const B: usize>(
     }
 }
 
-/// Makes (about) the [`CANDIDATE_CHUNKS`] chunks with the highest peaks the candidates, first of all `top`, whose peak is `most`.
+/// Makes (about) the [`CANDIDATE_CHUNKS`] chunks with the highest peaks the candidates, first of all `top`, whose peak
+/// is `most`.
 #[inline(always)]
 fn choose_candidates<S: Lanes, const C: usize>(
     lanes: S,
@@ -290,7 +291,8 @@ fn choose_candidates<S: Lanes, const C: usize>(
     state: &mut State<C>,
     peaks: &[Chunk],
 ) {
-    // By bisection a level that about so many peaks are above; chunks that find no place wait for the next search of all.
+    // By bisection a level that about so many peaks are above; chunks that find no place wait for the next search of
+    // all.
     let mut level = task.threshold;
     if count_above(lanes, peaks, level) > CANDIDATE_CHUNKS as u32 {
         let mut high = most;

@@ -1,4 +1,5 @@
-//! The f64 certificate of an f32 code: the duality gap from an f64 residual, and the errors of the support's conditions.
+//! The f64 certificate of an f32 code: the duality gap from an f64 residual, and the errors of the support's
+//! conditions.
 // Loops by index: iterator chains are not always inlined into the function that has the processor's features.
 #![allow(clippy::needless_range_loop)]
 
@@ -71,8 +72,8 @@ pub(crate) fn certified_gap<S: Lanes, const C: usize>(
     gap::duality_gap(yr, rr, norm1, lambda, largest)
 }
 
-/// Puts y − Dᵀφ into `residual` and records the members' conditions, for signals of `B` chunks. Returns y·r, r·r and the
-/// largest |c| (or c).
+/// Puts y − Dᵀφ into `residual` and records the members' conditions, for signals of `B` chunks. Returns y·r, r·r and
+/// the largest |c| (or c).
 #[inline(always)]
 fn residual_in_registers<S: Lanes, const C: usize, const B: usize>(
     lanes: S,

@@ -41,8 +41,8 @@ impl Kernel for Correlate<'_> {
     }
 }
 
-/// Correlations of all signals (rows of `stride` values, of which the first m count), a row of `panels.width` chunks each,
-/// into `out`.
+/// Correlations of all signals (rows of `stride` values, of which the first m count), a row of `panels.width` chunks
+/// each, into `out`.
 #[inline(always)]
 pub(crate) fn correlate<S: Lanes>(lanes: S, panels: &Panels, signals: &[f32], stride: usize, out: &mut [Chunk]) {
     if S::WIDE {

@@ -1,8 +1,8 @@
 //! Orthogonal matching pursuit in f32 for supports of up to 16 atoms: greedy min ½‖y − Dᵀφ‖² with at most T non-zeros.
 //!
-//! Batch-OMP (Rubinstein et al. 2008) on the state of the active set with λ = 0: the atom most correlated with the residual
-//! enters, and the rank-one step of the inverse Gram matrix refits all of them. What is too ill-conditioned for f32 is left to
-//! the plain solver.
+//! Batch-OMP (Rubinstein et al. 2008) on the state of the active set with λ = 0: the atom most correlated with the
+//! residual enters, and the rank-one step of the inverse Gram matrix refits all of them. What is too ill-conditioned
+//! for f32 is left to the plain solver.
 
 use super::candidate_search::search_all;
 use super::product;
@@ -61,8 +61,8 @@ impl Kernel for PursuitBlock<'_> {
     }
 }
 
-/// One signal, until it has `most` non-zeros or no correlation of its residual is above `stop`. False where its support is
-/// too ill-conditioned for f32.
+/// One signal, until it has `most` non-zeros or no correlation of its residual is above `stop`. False where its
+/// support is too ill-conditioned for f32.
 #[inline(always)]
 fn pursue<S: Lanes, const C: usize>(
     lanes: S,

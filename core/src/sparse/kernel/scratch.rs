@@ -7,8 +7,8 @@ use super::state::{Entering, State};
 use crate::sparse::prepared::Prepared;
 use crate::sparse::problem::{Ended, Finished};
 
-/// Signals in work at once where every round searches all atoms. They start together and go through their rounds together,
-/// so that branches can be predicted; the next start when all are finished.
+/// Signals processed at once where every round searches all atoms. They start together and go through their rounds
+/// together, so that branches can be predicted; the next start when all are finished.
 ///
 /// Source: measured; four lose 3 % to the first cache (docs/sparse-coding.md).
 const BATCH: usize = 3;
@@ -34,7 +34,7 @@ pub(crate) struct Scratch {
     pub solved: Vec<Solved>,
 }
 
-/// A signal in work.
+/// A signal being solved.
 pub(crate) struct Slot {
     pub state: Box<State<1>>,
     /// Which signal of the block.

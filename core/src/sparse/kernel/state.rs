@@ -1,4 +1,5 @@
-//! One signal's state in the f32 active set: its support, values and signs, and the explicit inverse of the support's Gram matrix.
+//! One signal's state in the f32 active set: its support, values and signs, and the explicit inverse of the support's
+//! Gram matrix.
 
 use super::simd::{Chunk, flat, flat_mut};
 use crate::sparse::prepared::Prepared;
@@ -20,7 +21,8 @@ pub(crate) struct Task<'a> {
     pub max_rounds: u32,
 }
 
-/// The state of one signal, for up to 16·C members of the support; C is a power of two, so that masks keep places inside.
+/// The state of one signal, for up to 16·C members of the support; C is a power of two, so that masks keep places
+/// inside.
 pub(crate) struct State<const C: usize> {
     /// Places in use: all members of the support are before this one. A place whose member left keeps its atom, with a
     /// value of zero.
@@ -86,8 +88,8 @@ impl<const C: usize> State<C> {
         &flat(&self.phi)[..self.n]
     }
 
-    /// Records the error of a member's optimality condition, given its correlation `c` in f64. Returns the larger of `largest`
-    /// and |c| (or c).
+    /// Records the error of a member's optimality condition, given its correlation `c` in f64. Returns the larger of
+    /// `largest` and |c| (or c).
     #[inline(always)]
     pub fn record_condition(&mut self, task: &Task<'_>, member: usize, c: f64, largest: f64) -> f64 {
         let (block, place) = ((member / 16) & (C - 1), member & 15);

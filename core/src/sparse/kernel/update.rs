@@ -1,22 +1,23 @@
-//! One move of the f32 active set: an atom enters, the values move to the new minimum, atoms whose sign would change leave.
+//! One move of the f32 active set: an atom enters, the values move to the new minimum, atoms whose sign would change
+//! leave.
 //!
-//! The inverse of G_SS is kept explicitly and updated by rank one. Where a coefficient would change sign on the way to the
-//! minimum φ_S = G_SS⁻¹(b_S − λθ), the move stops there and the atom leaves.
+//! The inverse of G_SS is kept explicitly and updated by rank one. Where a coefficient would change sign on the way to
+//! the minimum φ_S = G_SS⁻¹(b_S − λθ), the move stops there and the atom leaves.
 // Loops by index: iterator chains are not always inlined into the function that has the processor's features.
 #![allow(clippy::needless_range_loop)]
 
 use super::simd::{Chunk, Lanes, UNITS, flat, flat_mut};
 use super::state::{Entering, State, Task};
 
-/// Chunks that `n` members fill; known when compiling where there is but one.
+/// Chunks that `n` members fill; known at compile time where there is only one.
 #[inline(always)]
 fn chunks_of<const C: usize>(n: usize) -> usize {
     if C == 1 { 1 } else { n.div_ceil(16).min(C) }
 }
 
 /// Adds an atom to the support and moves to the new minimum. False when that is too ill-conditioned for f32.
-/// `correlations` are those of the signal less λθ on the support. With `CANDIDATES` the members' Gram rows are read from the
-/// copies of their candidate parts, otherwise from the Gram matrix.
+/// `correlations` are those of the signal less λθ on the support. With `CANDIDATES` the members' Gram rows are read
+/// from the copies of their candidate parts, otherwise from the Gram matrix.
 #[inline(always)]
 pub(crate) fn add_atom<S: Lanes, const C: usize, const CANDIDATES: bool>(
     lanes: S,

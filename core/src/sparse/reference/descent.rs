@@ -1,11 +1,12 @@
 //! Coordinate descent on the Gram matrix: min ½‖y − Dᵀφ‖² + λ‖φ‖₁, one coordinate at a time, mostly over the support.
 //!
-//! The gradient c = D y − G φ is kept up to date and computed anew with every gap; a full sweep alternates with sweeps over the
-//! support until those settle.
+//! The gradient c = D y − G φ is kept up to date and computed anew with every gap; a full sweep alternates with sweeps
+//! over the support until those settle.
 
 use crate::sparse::problem::{Ended, Finished, Problem, Work};
 
-/// Solves one signal; leaves its code in `work.code` (dense over atoms, zero elsewhere) and its support in `work.support`.
+/// Solves one signal; leaves its code in `work.code` (dense over atoms, zero elsewhere) and its support in
+/// `work.support`.
 pub(crate) fn solve(problem: &Problem<'_>, work: &mut Work) -> Finished {
     let k = problem.dictionary.atom_count();
     let lambda = problem.lambda;

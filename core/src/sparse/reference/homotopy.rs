@@ -1,7 +1,9 @@
-//! Homotopy (LARS-lasso, Osborne et al. 2000, Efron et al. 2004): the minimisers of ½‖y − Dᵀφ‖² + λ‖φ‖₁ for all λ downwards.
+//! Homotopy (LARS-lasso, Osborne et al. 2000, Efron et al. 2004): the minimisers of ½‖y − Dᵀφ‖² + λ‖φ‖₁ for all λ
+//! downwards.
 //!
 //! Between two knots φ_S moves along G_SS⁻¹θ and all correlations of the support shrink alike; a knot is where an atom
-//! outside reaches them, a coefficient reaches zero, or the wanted λ or number of non-zeros is met. In f64, from residuals.
+//! outside reaches them, a coefficient reaches zero, or the wanted λ or number of non-zeros is met. In f64, from
+//! residuals.
 
 use ndarray::ArrayView1;
 
@@ -39,8 +41,8 @@ struct Arrived {
     pub ended: Ended,
 }
 
-/// The minimisers of ½‖y − Dᵀφ‖² + λ‖φ‖₁ for one signal y (m values), from λ_max = max |D y| down to `lambda` (at least 0), with
-/// at most `max_steps` knots. Between two knots they are linear in λ.
+/// The minimisers of ½‖y − Dᵀφ‖² + λ‖φ‖₁ for one signal y (m values), from λ_max = max |D y| down to `lambda` (at
+/// least 0), with at most `max_steps` knots. Between two knots they are linear in λ.
 ///
 /// # Errors
 /// A signal that is not finite or does not fit, a negative λ.
@@ -206,7 +208,7 @@ pub(crate) fn solve(problem: &Problem<'_>, work: &mut Work) -> Finished {
     let signal: Vec<f64> = problem.signal.iter().map(|&v| f64::from(v)).collect();
     let mut arrived = follow_path(dictionary, &signal, until, |_, _| {});
     if arrived.ended == Ended::IterationCap {
-        // Not there yet: judged by the λ that was wanted.
+        // Stopped early: the gap is that for the requested λ.
         arrived.lambda = until.lambda;
     }
     let observed = ObservedProblem {

@@ -1,7 +1,7 @@
 //! What is done to a capture on the way to scored views: the parameters that experiments vary.
 
 use lenslet_core::calibration::CalibrationVariant;
-use lenslet_core::decode::{Demosaic, Step, default_steps};
+use lenslet_core::decode::{Demosaic, RawStep, Steps};
 use lenslet_train::Algorithm;
 use serde::{Serialize, Serializer};
 
@@ -54,7 +54,7 @@ impl Default for Chain {
         Chain {
             calibration: CalibrationVariant::Full,
             vignetting: true,
-            demosaic: Demosaic::Lenslet,
+            demosaic: Demosaic::CoKriging,
             views: 7,
             method: Method::Barycentric,
             noise: 0.7,
@@ -65,14 +65,9 @@ impl Default for Chain {
 
 impl Chain {
     /// The decoder's steps for this chain.
-    pub fn steps(&self) -> Vec<Step> {
-        let mut steps = default_steps();
-        steps.retain(|s| self.vignetting || !matches!(s, Step::Vignetting));
-        for step in &mut steps {
-            if matches!(step, Step::Demosaic(_)) {
-                *step = Step::Demosaic(self.demosaic);
-            }
-        }
+    pub fn steps(&self) -> Steps {
+        let mut steps = Steps { demosaic: self.demosaic, ..Steps::default() };
+        steps.raw.retain(|s| self.vignetting || *s != RawStep::Vignetting);
         steps
     }
 }
@@ -82,16 +77,7 @@ fn calibration_name<S: Serializer>(variant: &CalibrationVariant, serializer: S) 
 }
 
 fn demosaic_name<S: Serializer>(demosaic: &Demosaic, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_str(name_of_demosaic(*demosaic))
-}
-
-/// The name in tables and records.
-pub fn name_of_demosaic(demosaic: Demosaic) -> &'static str {
-    match demosaic {
-        Demosaic::Bilinear => "bilinear",
-        Demosaic::Malvar => "malvar",
-        Demosaic::Lenslet => "lenslet",
-    }
+    serializer.serialize_str(demosaic.name())
 }
 
 #[cfg(test)]
@@ -102,7 +88,7 @@ mod tests {
     fn chains_turn_into_steps() {
         let chain = Chain { vignetting: false, demosaic: Demosaic::Bilinear, ..Chain::default() };
         let steps = chain.steps();
-        assert!(!steps.contains(&Step::Vignetting) && steps.contains(&Step::Demosaic(Demosaic::Bilinear)));
+        assert!(!steps.raw.contains(&RawStep::Vignetting) && steps.demosaic == Demosaic::Bilinear);
     }
 
     #[test]

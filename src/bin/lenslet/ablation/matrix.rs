@@ -10,7 +10,7 @@ use lenslet_train::Algorithm;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-use super::chain::{Chain, Training, name_of_demosaic};
+use super::chain::{Chain, Training};
 use super::experiment::Experiment;
 use super::method::Method;
 use super::settings::Settings;
@@ -176,8 +176,8 @@ fn variants(experiment: Experiment, quick: bool) -> Vec<(String, Chain)> {
                 })
                 .collect()
         }
-        Experiment::Demosaic => [Demosaic::Bilinear, Demosaic::Malvar, Demosaic::Lenslet]
-            .map(|demosaic| named(name_of_demosaic(demosaic), Chain { demosaic, ..base() }))
+        Experiment::Demosaic => [Demosaic::Bilinear, Demosaic::Malvar, Demosaic::CoKriging]
+            .map(|demosaic| named(demosaic.name(), Chain { demosaic, ..base() }))
             .to_vec(),
         Experiment::Vignetting => [("off", false), ("on", true)]
             .map(|(name, vignetting)| named(name, Chain { vignetting, ..base() }))

@@ -4,8 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
-use lenslet_core::container;
-use lenslet_core::decode::{self, Step};
+use lenslet_core::decode::{self, ViewStep};
 use lenslet_core::dictionary::{Dictionary, Interpolation};
 use lenslet_core::digest::sha256_hex;
 use lenslet_core::progress::Observer;
@@ -133,12 +132,9 @@ fn run_captured(
     let steps = steps_to_samples(chain)?;
     rendered.enter(&path.to_string_lossy(), &run.seed.to_string());
     let mut options = decode_options(chain);
-    // As `decode` does it: colours that went through a JPEG coder are calmed, and scores are of linear light.
-    options.steps.retain(|s| !matches!(s, Step::Gamut));
-    if container::is_jpeg(path) {
-        let after = options.steps.iter().position(|s| matches!(s, Step::Demosaic(_))).map_or(0, |k| k + 1);
-        options.steps.insert(after, Step::CalmColours);
-    }
+    // The steps on samples that `decode` takes for this capture, but scores are of linear light.
+    options.steps.view = decode::steps_for(capture).view;
+    options.steps.view.retain(|s| *s != ViewStep::Gamut);
     let (samples, kept) =
         rendered.decoded(&steps, || Ok(decode::samples(capture, calibration, &options, observer)?))?;
     let mut image = None;

@@ -10,7 +10,7 @@ use std::time::Instant;
 use anyhow::Context as _;
 use lenslet_core::calibration::Calibration;
 use lenslet_core::container::{self, Capture};
-use lenslet_core::decode::{self, Demosaic, HexSamples, Step, WhiteBalance, npz};
+use lenslet_core::decode::{self, Demosaic, HexSamples, RawStep, SAMPLES_FILE, ViewStep, WhiteBalance};
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{self, Meta, View};
 use lenslet_core::progress::Observer;
@@ -86,7 +86,8 @@ pub struct Args {
 /// `--without`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Without {
-    Step(Step),
+    Raw(RawStep),
+    View(ViewStep),
     Recentring,
 }
 
@@ -158,12 +159,7 @@ fn parse_white_balance(text: &str) -> Result<WhiteBalance, String> {
 }
 
 fn parse_demosaic(text: &str) -> Result<Demosaic, String> {
-    match text {
-        "lenslet" => Ok(Demosaic::Lenslet),
-        "malvar" => Ok(Demosaic::Malvar),
-        "bilinear" => Ok(Demosaic::Bilinear),
-        _ => Err("lenslet, malvar or bilinear".into()),
-    }
+    Demosaic::from_name(text).ok_or_else(|| "lenslet, malvar or bilinear".into())
 }
 
 fn parse_exposure(text: &str) -> Result<f32, String> {
@@ -172,15 +168,15 @@ fn parse_exposure(text: &str) -> Result<f32, String> {
 
 /// What `--without` can leave out.
 const STEPS: [(&str, Without); 10] = [
-    ("black-level", Without::Step(Step::BlackLevel)),
-    ("hot-pixels", Without::Step(Step::HotPixels)),
-    ("vignetting", Without::Step(Step::Vignetting)),
-    ("white-balance", Without::Step(Step::WhiteBalance)),
-    ("highlights", Without::Step(Step::Highlights)),
-    ("calm-colours", Without::Step(Step::CalmColours)),
-    ("colour-matrix", Without::Step(Step::ColourMatrix)),
-    ("exposure-bias", Without::Step(Step::ExposureBias)),
-    ("gamut", Without::Step(Step::Gamut)),
+    ("black-level", Without::Raw(RawStep::BlackLevel)),
+    ("hot-pixels", Without::Raw(RawStep::HotPixels)),
+    ("vignetting", Without::Raw(RawStep::Vignetting)),
+    ("white-balance", Without::Raw(RawStep::WhiteBalance)),
+    ("highlights", Without::Raw(RawStep::Highlights)),
+    ("calm-colours", Without::View(ViewStep::ChromaDenoise)),
+    ("colour-matrix", Without::View(ViewStep::ColourMatrix)),
+    ("exposure-bias", Without::View(ViewStep::ExposureBias)),
+    ("gamut", Without::View(ViewStep::Gamut)),
     ("recentre", Without::Recentring),
 ];
 
@@ -190,24 +186,21 @@ fn parse_without(text: &str) -> Result<Without, String> {
 }
 
 impl Args {
-    /// The options for a capture; `damaged`: its colours went through a JPEG coder.
-    fn decode_options(&self, damaged: bool) -> decode::Options {
-        let mut steps = Vec::new();
-        for step in decode::default_steps() {
-            match step {
-                Step::Demosaic(_) => {
-                    steps.push(Step::Demosaic(self.demosaic));
-                    steps.extend((self.calm_colours || damaged).then_some(Step::CalmColours));
-                }
-                // Scene-linear output keeps what the screen cannot show.
-                Step::Gamut => {
-                    steps.extend(self.exposure.map(Step::Exposure));
-                    steps.extend((!self.written.linear).then_some(step));
-                }
-                _ => steps.push(step),
-            }
+    /// The options for a capture.
+    fn decode_options(&self, capture: &Capture) -> decode::Options {
+        let mut steps = decode::steps_for(capture);
+        steps.demosaic = self.demosaic;
+        if self.calm_colours {
+            steps.add_chroma_denoise();
         }
-        steps.retain(|s| !self.without.contains(&Without::Step(*s)));
+        if let Some(ev) = self.exposure {
+            let last = steps.view.iter().position(|s| *s == ViewStep::Gamut).unwrap_or(steps.view.len());
+            steps.view.insert(last, ViewStep::Exposure(ev));
+        }
+        // Scene-linear output keeps what the screen cannot show.
+        steps.view.retain(|s| !(self.written.linear && *s == ViewStep::Gamut));
+        steps.raw.retain(|s| !self.without.contains(&Without::Raw(*s)));
+        steps.view.retain(|s| !self.without.contains(&Without::View(*s)));
         decode::Options {
             views: self.views,
             view_step: self.view_step,
@@ -323,7 +316,7 @@ fn decode_one(
     let (calibration, reason) = store.choose(&capture, context)?;
     progress.note(&format!("{}: calibration {reason}", job.capture.display()));
     let read = started.elapsed();
-    let options = args.decode_options(container::is_jpeg(&job.capture));
+    let options = args.decode_options(&capture);
     let samples = decode::samples(&capture, calibration, &options, progress)
         .with_context(|| job.capture.display().to_string())?;
     let meta = describe_views(args, job, &capture, calibration, &samples, &options, &reason);
@@ -377,13 +370,13 @@ fn keep_samples(
     samples: &HexSamples,
 ) -> anyhow::Result<String> {
     if let Some(folder) = sink.folder() {
-        npz::write(&folder.join(npz::SAMPLES), samples)?;
-        return Ok(job.out.join(npz::SAMPLES).display().to_string());
+        samples.write(&folder.join(SAMPLES_FILE))?;
+        return Ok(job.out.join(SAMPLES_FILE).display().to_string());
     }
-    let path = job.out.with_extension(npz::SAMPLES);
+    let path = job.out.with_extension(SAMPLES_FILE);
     // Samples without their light field are what a killed run left of its output.
     let left = std::fs::symlink_metadata(&job.out).is_err();
-    npz::save(&path, samples, args.written.force || left)?;
+    samples.save(&path, args.written.force || left)?;
     Ok(path.display().to_string())
 }
 
@@ -415,7 +408,7 @@ fn describe_views(
         "method": args.method.name(),
         "base": (args.method == MethodName::Learned).then(|| args.base().name()),
         "view_step": args.view_step,
-        "steps": options.steps.iter().map(|s| format!("{s:?}")).collect::<Vec<_>>(),
+        "steps": options.steps.names(),
         "white_balance": format!("{:?}", args.white_balance),
         "recentred": options.recentre,
     }));

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use lenslet_core::decode::{HexSamples, npz};
+use lenslet_core::decode::{HexSamples, find_samples_file};
 use lenslet_core::dictionary::Footprint;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{self, Meta, ViewOrigin};
@@ -132,8 +132,8 @@ fn embedded_name(meta: &Meta) -> &'static str {
 
 /// The samples that decode left with the light field.
 fn measured_samples(args: &Args) -> anyhow::Result<Option<HexSamples>> {
-    match npz::beside(&args.source.input) {
-        Some(path) if !args.without_samples => Ok(Some(npz::load(&path)?)),
+    match find_samples_file(&args.source.input) {
+        Some(path) if !args.without_samples => Ok(Some(HexSamples::load(&path)?)),
         _ => Ok(None),
     }
 }

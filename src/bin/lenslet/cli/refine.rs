@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use lenslet_core::decode::{HexSamples, npz};
+use lenslet_core::decode::{HexSamples, find_samples_file};
 use lenslet_core::lightfield::{self, ColourSpace, LightField, colour};
 use lenslet_core::progress::Observer as _;
 use lenslet_views::Target;
@@ -47,8 +47,8 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         return Err(Usage("--scale must be 1 to 8".into()).into());
     }
     let read = args.source.options();
-    let given = match npz::beside(&args.source.input) {
-        Some(path) if !args.without_samples => Given::Samples(npz::load(&path)?),
+    let given = match find_samples_file(&args.source.input) {
+        Some(path) if !args.without_samples => Given::Samples(HexSamples::load(&path)?),
         _ => Given::Field(lightfield::load(&args.source.input, &read)?),
     };
     let (mut meta, from, usual) = match &given {

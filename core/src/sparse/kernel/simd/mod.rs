@@ -1,4 +1,5 @@
-//! Sixteen f32 lanes on the best instructions of the processor, chosen at run time: AVX-512, AVX2 with FMA, or plain Rust.
+//! Sixteen f32 lanes on the best instructions of the processor, chosen at run time: AVX-512, AVX2 with FMA, or plain
+//! Rust.
 //!
 //! Every implementation does the same roundings in the same order (fused multiply-add, lane by lane, the same tree in
 //! reductions), so all of them give the same bits and the plain one is the oracle of the others. On 64-bit ARM there is

@@ -1,12 +1,13 @@
-//! The demosaic that knows lenslets: every view's colour at every lenslet, straight from the pixels of its own micro-image.
+//! Demosaic by co-kriging: every view's colour at every lenslet, straight from the pixels of its own micro-image.
 //!
-//! Objective: of all linear estimates from the lenslet's own pixels that return every constant colour and every linear change of light over the
-//! micro-image exactly, take the one with the least expected squared error (ordinary co-kriging), for light whose colours share one field (luminance)
-//! and have one each (chrominance), both with Matérn-3/2 correlation over the micro-image, and noise that grows where the
-//! micro-image darkens. Nothing is taken from a neighbouring micro-image, and nothing is interpolated twice.
+//! Objective: of all linear estimates from the lenslet's own pixels that return every constant colour and every linear
+//! change of light over the micro-image exactly, the one with the least expected squared error (ordinary co-kriging).
+//! Model: the colours share one field (luminance) and have one each (chrominance), both with Matérn-3/2 correlation
+//! over the micro-image; noise grows where the micro-image darkens. Nothing is taken from a neighbouring micro-image,
+//! and nothing is interpolated twice.
 //!
 //! The weights depend only on where the centre lies between the pixels and on the filter array's parity, so they are
-//! worked out once for each of a grid of sub-pixel positions and applied to all lenslets that share it.
+//! computed once for each of a grid of sub-pixel positions and applied to all lenslets that share it.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -16,30 +17,46 @@ use faer::{Mat, Par};
 use ndarray::Array3;
 use rayon::prelude::*;
 
-use super::develop::Mosaic;
-use super::{Error, HexSamples};
+use super::error::Error;
+use super::micro_image::neighbour_offsets;
+use super::mosaic::{Mosaic, mirror};
+use super::samples::{HexSamples, view_offset};
 use crate::calibration::{Calibration, Lattice};
 use crate::container::Cfa;
 use crate::progress::Observer;
 
-/// Sub-pixel positions a pixel and axis: centres are taken to within 1/32 pixel.
+/// Sub-pixel positions a pixel and axis: centres are rounded by at most 1/32 pixel.
+///
+/// Source: chosen.
 const PHASES: i32 = 16;
-/// Luminance varies over this many pixels within a micro-image.
-const LUMINANCE: f64 = 4.0;
-/// Chrominance varies over this many.
-const CHROMINANCE: f64 = 6.0;
-/// Variance of a colour's own field against the shared one's 1.
+/// Correlation length of luminance within a micro-image, pixels.
+///
+/// Source: chosen.
+const LUMINANCE_LENGTH: f64 = 4.0;
+/// Correlation length of chrominance, pixels.
+///
+/// Source: chosen.
+const CHROMINANCE_LENGTH: f64 = 6.0;
+/// Variance of a colour's own field, that of the shared one being 1.
+///
+/// Source: chosen.
 const COLOUR_SHARE: f64 = 0.5;
-/// Variance of the noise in full light against the signal's.
+/// Variance of the noise in full light, that of the signal being 1.
+///
+/// Source: chosen.
 const NOISE: f64 = 0.006;
-/// Variance (pixels², an axis) of where the light that a pixel collects crosses the micro-image: the pixel's own area, and
-/// optical blur of 0.6 pixels.
+/// Variance (pixels², an axis) of the places whose light a pixel collects: the pixel's own area, and optical blur of
+/// 0.6 pixels.
+///
+/// Source: chosen.
 const SPREAD: f64 = 1.0 / 12.0 + 0.36;
-/// Pixels that touch a neighbouring micro-image hold its light: this margin (pixels) is left out.
+/// Margin towards neighbouring micro-images that is left out, pixels: pixels there hold light of both.
+///
+/// Source: chosen.
 const MARGIN: f64 = 0.3;
 
 /// Everything a set of weights depends on.
-struct Plan<'a> {
+struct Model<'a> {
     lattice: &'a Lattice,
     cfa: Cfa,
     /// Mean relative light by distance from the centre, quarter pixels.
@@ -58,7 +75,7 @@ struct Weights {
 }
 
 /// Values `(views², lenslets, channels)` of a developed mosaic at the lenslets and offsets of `samples`.
-pub(super) fn views(
+pub(super) fn sample_views(
     mosaic: &Mosaic,
     cfa: Cfa,
     calibration: &Calibration,
@@ -69,10 +86,10 @@ pub(super) fn views(
     if !(4.0..=64.0).contains(&pitch) {
         return Err(Error::Calibration(format!("lenslets {pitch} pixels apart: 4 to 64 are supported here")));
     }
-    let plan = Plan {
+    let model = Model {
         lattice: &calibration.lattice,
         cfa,
-        light: light(calibration),
+        light: mean_profile(calibration),
         reach: (pitch * 0.62).ceil() as i32,
         views: samples.views,
         view_step: samples.view_step,
@@ -81,7 +98,8 @@ pub(super) fn views(
     let n = samples.views * samples.views;
 
     // Lenslets by the sub-pixel position of their centre; the order within depends on nothing but the lattice.
-    let mut order: Vec<(u32, u32)> = samples.centres.iter().enumerate().map(|(k, c)| (key(*c), k as u32)).collect();
+    let mut order: Vec<(u32, u32)> =
+        samples.centres.iter().enumerate().map(|(k, c)| (phase_key(*c), k as u32)).collect();
     order.par_sort_unstable();
     let groups: Vec<&[(u32, u32)]> = order.chunk_by(|a, b| a.0 == b.0).collect();
 
@@ -93,21 +111,19 @@ pub(super) fn views(
             if observer.cancelled() {
                 return Vec::new();
             }
-            let Some(weights) = solve(&plan, group[0].0) else {
+            let Some(weights) = solve_weights(&model, group[0].0) else {
                 failed.store(true, Ordering::Relaxed);
                 return Vec::new();
             };
             let mut out = vec![0f32; group.len() * weights.outputs];
             for (o, &(_, k)) in out.chunks_exact_mut(weights.outputs).zip(group.iter()) {
-                apply(&weights, mosaic, samples.centres[k as usize], o);
+                apply_weights(&weights, mosaic, samples.centres[k as usize], o);
             }
             observer.advance(1);
             out
         })
         .collect();
-    if observer.cancelled() {
-        return Err(Error::Interrupted);
-    }
+    observer.check()?;
     if failed.into_inner() {
         return Err(Error::Calibration("its lattice leaves micro-images without pixels of every colour".into()));
     }
@@ -133,14 +149,14 @@ fn split(v: f64) -> (i64, i32) {
 }
 
 /// Parity of the nearest pixel and sub-pixel cell as one number.
-fn key(c: [f64; 2]) -> u32 {
+fn phase_key(c: [f64; 2]) -> u32 {
     let ((x, fx), (y, fy)) = (split(c[0]), split(c[1]));
     let parity = (y.rem_euclid(2) * 2 + x.rem_euclid(2)) as u32;
     (parity * PHASES as u32 + fy as u32) * PHASES as u32 + fx as u32
 }
 
 /// Mean white image by distance from the centre, in quarter pixels, over lenslets spread over the sensor.
-fn light(calibration: &Calibration) -> Vec<f64> {
+fn mean_profile(calibration: &Calibration) -> Vec<f64> {
     let bins = (calibration.lattice.pitch() * 4.0) as usize + 8;
     let Some(v) = &calibration.vignetting else { return vec![1.0; bins] };
     let reach = (calibration.lattice.pitch() * 0.62).ceil() as i64;
@@ -161,7 +177,7 @@ fn light(calibration: &Calibration) -> Vec<f64> {
         }
     }
     let mut light: Vec<f64> = sums.iter().map(|&(s, n)| if n > 0.0 { s / n } else { f64::NAN }).collect();
-    // Bins nobody fell into take the one before.
+    // Empty bins repeat the one before.
     let mut last = 1.0;
     for l in &mut light {
         if !l.is_finite() {
@@ -173,9 +189,9 @@ fn light(calibration: &Calibration) -> Vec<f64> {
     light.iter().map(|l| (l / full).clamp(0.02, 1.0)).collect()
 }
 
-/// Where the light of the pixel at `d` from its lenslet's centre comes from on the whole: more of it from the brighter side,
-/// so nearer to the middle by the spread times the slope of the logarithm of the white image.
-fn seen(d: [f64; 2], light: &[f64]) -> [f64; 2] {
+/// Mean place of the light that the pixel at `d` from its lenslet's centre collects: there is more on the brighter
+/// side, so it is nearer to the middle by the spread times the slope of the logarithm of the white image.
+fn light_centre(d: [f64; 2], light: &[f64]) -> [f64; 2] {
     let r = d[0].hypot(d[1]);
     let at = |r: f64| {
         let bin = (4.0 * r - 0.5).clamp(0.0, (light.len() - 1) as f64);
@@ -198,20 +214,20 @@ fn matern(r: f64, length: f64) -> f64 {
 }
 
 /// The weights of one sub-pixel position. None when a colour has no pixel in the micro-image.
-fn solve(plan: &Plan<'_>, key: u32) -> Option<Weights> {
+fn solve_weights(model: &Model<'_>, key: u32) -> Option<Weights> {
     let cells = PHASES as u32;
     let (parity, fy, fx) = (key / (cells * cells), (key / cells) % cells, key % cells);
     let sub = |f: u32| (f64::from(f) - f64::from(PHASES / 2)) / f64::from(PHASES);
     let centre = [sub(fx), sub(fy)];
     let (px, py) = ((parity & 1) as usize, (parity >> 1) as usize);
-    let mono = plan.cfa == Cfa::Mono;
+    let mono = model.cfa == Cfa::Mono;
     let channels = if mono { 1 } else { 3 };
-    let around: Vec<[f64; 2]> = neighbours(plan.lattice);
+    let around: Vec<[f64; 2]> = neighbour_offsets(model.lattice);
 
     let mut pixels = Vec::new();
     let mut places: Vec<([f64; 2], usize)> = Vec::new();
-    for dy in -plan.reach..=plan.reach {
-        for dx in -plan.reach..=plan.reach {
+    for dy in -model.reach..=model.reach {
+        for dx in -model.reach..=model.reach {
             let d = [f64::from(dx) - centre[0], f64::from(dy) - centre[1]];
             let own = around.iter().all(|n| {
                 let length = n[0].hypot(n[1]);
@@ -219,9 +235,9 @@ fn solve(plan: &Plan<'_>, key: u32) -> Option<Weights> {
             });
             if own {
                 let even = |p: usize, d: i32| (p as i32 + d).rem_euclid(2) as usize;
-                let colour = if mono { 0 } else { plan.cfa.colour(even(px, dx), even(py, dy)) };
+                let colour = if mono { 0 } else { model.cfa.colour(even(px, dx), even(py, dy)) };
                 pixels.push((dx, dy));
-                places.push((seen(d, &plan.light), colour));
+                places.push((light_centre(d, &model.light), colour));
             }
         }
     }
@@ -231,7 +247,7 @@ fn solve(plan: &Plan<'_>, key: u32) -> Option<Weights> {
     }
     let covariance = |d: [f64; 2], same: bool| {
         let r = d[0].hypot(d[1]);
-        matern(r, LUMINANCE) + if same { COLOUR_SHARE * matern(r, CHROMINANCE) } else { 0.0 }
+        matern(r, LUMINANCE_LENGTH) + if same { COLOUR_SHARE * matern(r, CHROMINANCE_LENGTH) } else { 0.0 }
     };
     let mut k = Mat::<f64>::from_fn(m, m, |i, j| {
         let ((p, a), (q, b)) = (places[i], places[j]);
@@ -239,35 +255,31 @@ fn solve(plan: &Plan<'_>, key: u32) -> Option<Weights> {
     });
     for (i, &(dx, dy)) in pixels.iter().enumerate() {
         let p = [f64::from(dx) - centre[0], f64::from(dy) - centre[1]];
-        let bin = ((p[0].hypot(p[1]) * 4.0) as usize).min(plan.light.len() - 1);
-        k[(i, i)] += NOISE / (plan.light[bin] * plan.light[bin]);
+        let bin = ((p[0].hypot(p[1]) * 4.0) as usize).min(model.light.len() - 1);
+        k[(i, i)] += NOISE / (model.light[bin] * model.light[bin]);
     }
-    // Right-hand sides: the covariance with each output, then what the constraints are about: the pixels of each colour,
-    // and where all of them lie.
-    let n = plan.views * plan.views;
+    // Right-hand sides: the covariance with each output, then one column for each constraint: which pixels are of each
+    // colour, and the places of all.
+    let n = model.views * model.views;
     let outputs = n * channels;
     let constraints = channels + 2;
-    let half = (plan.views / 2) as f64;
-    let place = |view: usize| {
-        let at = |k: usize| (k as f64 - half) * plan.view_step;
-        [at(view % plan.views), at(view / plan.views)]
-    };
-    let about = |i: usize, k: usize| match places[i] {
+    let place = |view: usize| view_offset(model.views, model.view_step, view);
+    let constraint = |i: usize, k: usize| match places[i] {
         (d, _) if k >= channels => d[k - channels],
         (_, colour) => f64::from(u8::from(colour == k)),
     };
     let mut w = Mat::<f64>::from_fn(m, outputs + constraints, |i, o| {
         if o >= outputs {
-            return about(i, o - outputs);
+            return constraint(i, o - outputs);
         }
         let (p, a) = places[i];
         let [u, v] = place(o / channels);
         covariance([p[0] - u, p[1] - v], a == o % channels)
     });
     factor_and_solve(&mut k, &mut w)?;
-    // Lagrange: sums over the pixels of each colour must be 1 for the output's colour and 0 for the others, and the mean
-    // place that of the view: estimates lean neither to the mean nor to the middle.
-    let sums = |o: usize, k: usize| -> f64 { (0..m).map(|i| about(i, k) * w[(i, o)]).sum() };
+    // Lagrange: sums over the pixels of each colour must be 1 for the output's colour and 0 for the others, and the
+    // mean place must be that of the view, so that estimates are unbiased for constant and for linear light.
+    let sums = |o: usize, k: usize| -> f64 { (0..m).map(|i| constraint(i, k) * w[(i, o)]).sum() };
     let s = Mat::<f64>::from_fn(constraints, constraints, |a, b| sums(outputs + b, a));
     let missing = Mat::<f64>::from_fn(constraints, outputs, |k, o| {
         let wanted =
@@ -285,7 +297,7 @@ fn solve(plan: &Plan<'_>, key: u32) -> Option<Weights> {
     Some(Weights { pixels, rows, outputs })
 }
 
-/// Cholesky on this thread only: results must not depend on how many there are.
+/// Cholesky on this thread only: results must not depend on the number of threads.
 fn factor_and_solve(k: &mut Mat<f64>, right: &mut Mat<f64>) -> Option<()> {
     let m = k.nrows();
     let need = llt::factor::cholesky_in_place_scratch::<f64>(m, Par::Seq, Default::default())
@@ -297,7 +309,8 @@ fn factor_and_solve(k: &mut Mat<f64>, right: &mut Mat<f64>) -> Option<()> {
     Some(())
 }
 
-/// Solves S X = R for the few constraints: Gaussian elimination, largest pivots first. None where they contradict each other.
+/// Solves S X = R for the few constraints: Gaussian elimination, largest pivots first. None where they contradict each
+/// other.
 fn solve_small(mut s: Mat<f64>, mut r: Mat<f64>) -> Option<Mat<f64>> {
     let n = s.nrows();
     for c in 0..n {
@@ -330,32 +343,13 @@ fn solve_small(mut s: Mat<f64>, mut r: Mat<f64>) -> Option<Mat<f64>> {
     Some(r)
 }
 
-/// The eight lattice points around a lenslet.
-pub(super) fn neighbours(lattice: &Lattice) -> Vec<[f64; 2]> {
-    let mut found = Vec::new();
-    for j in -1..=1 {
-        for i in -1..=1 {
-            if (i, j) != (0, 0) {
-                let (i, j) = (f64::from(i), f64::from(j));
-                found.push([i * lattice.a[0] + j * lattice.b[0], i * lattice.a[1] + j * lattice.b[1]]);
-            }
-        }
-    }
-    found
-}
-
-/// One lenslet: its pixels times the weights. Beyond the sensor's border pixels are mirrored, which keeps colours in step.
-fn apply(weights: &Weights, mosaic: &Mosaic, centre: [f64; 2], out: &mut [f32]) {
+/// One lenslet: its pixels times the weights. Beyond the sensor's border pixels are mirrored.
+fn apply_weights(weights: &Weights, mosaic: &Mosaic, centre: [f64; 2], out: &mut [f32]) {
     let (x, y) = (split(centre[0]).0, split(centre[1]).0);
-    let fold = |v: i64, n: usize| {
-        let last = n as i64 - 1;
-        let v = if v < 0 { -v } else { v };
-        (if v > last { 2 * last - v } else { v }).clamp(0, last) as usize
-    };
     out.fill(0.0);
     for (&(dx, dy), row) in weights.pixels.iter().zip(weights.rows.chunks_exact(weights.outputs)) {
-        let value =
-            mosaic.data[fold(y + i64::from(dy), mosaic.height) * mosaic.width + fold(x + i64::from(dx), mosaic.width)];
+        let value = mosaic.data
+            [mirror(y + i64::from(dy), mosaic.height) * mosaic.width + mirror(x + i64::from(dx), mosaic.width)];
         for (o, w) in out.iter_mut().zip(row) {
             *o += w * value;
         }

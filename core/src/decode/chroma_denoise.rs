@@ -1,11 +1,12 @@
-//! Calm colours: the colour noise of a view smoothed along its lattice, edges of its light kept.
+//! Chroma denoising: the colour noise of a view smoothed over its lattice, edges of its light kept.
 //!
-//! For captures whose colours were damaged before they came here. A mosaic saved as JPEG is one: filter colours differ from
+//! For captures whose colours a lossy coder damaged. A mosaic saved as JPEG is one: filter colours differ from
 //! pixel to pixel, JPEG quantises just that frequency away in some of its 8×8 blocks and keeps it in others, and where
 //! lenslet rows (8.6 pixels apart) drift against the blocks, bands of colour and of grey follow each other.
 //!
 //! Edge-avoiding à-trous smoothing (Dammertz et al. 2010) of the colour over the light: passes over the six neighbours
-//! at distances 1, 2, 4 and 8 lenslets, each neighbour weighted by how alike its light is. The light itself is not touched.
+//! at distances 1, 2, 4 and 8 lenslets, each neighbour weighted by how alike its light is. The light itself is not
+//! touched.
 
 use std::collections::HashMap;
 
@@ -13,17 +14,25 @@ use ndarray::Array3;
 use rayon::prelude::*;
 
 /// Distances of the passes, lenslets.
+///
+/// Source: chosen; the powers of two of the à-trous scheme.
 const PASSES: [i32; 4] = [1, 2, 4, 8];
-/// Neighbours whose light differs by this share count half.
-const ALIKE: f32 = 0.25;
-/// Light below which differences are noise.
+/// Neighbours whose light differs by this share have half the weight.
+///
+/// Source: chosen.
+const HALF_WEIGHT_CONTRAST: f32 = 0.25;
+/// Light below which differences are noise; share of full light.
+///
+/// Source: chosen.
 const DARK: f32 = 0.02;
-/// Red, green, blue as light before the colour matrix.
+/// Weights of red, green, blue in the light, before the colour matrix.
+///
+/// Source: chosen; the shares of the filter array's pixels.
 const LIGHT: [f32; 3] = [0.25, 0.5, 0.25];
 
-/// Smooths the colours of `values` (views, lenslets, 3), camera colours after white balance, on a hexagonal or square lattice of
-/// which `index` gives the place of each lenslet.
-pub(super) fn smooth(values: &mut Array3<f32>, index: &[[i32; 2]], hexagonal: bool) {
+/// Smooths the colours of `values` (views, lenslets, 3), camera colours after white balance, on a hexagonal or square
+/// lattice; `index` holds the lattice index of each lenslet.
+pub(super) fn smooth_colours(values: &mut Array3<f32>, index: &[[i32; 2]], hexagonal: bool) {
     let (_, lenslets, channels) = values.dim();
     if channels != 3 || lenslets == 0 || index.len() != lenslets {
         return;
@@ -47,12 +56,12 @@ pub(super) fn smooth(values: &mut Array3<f32>, index: &[[i32; 2]], hexagonal: bo
         })
         .collect();
     if let Some(flat) = values.as_slice_mut() {
-        flat.par_chunks_mut(3 * lenslets).for_each(|view| one(view, &tables, ring.len()));
+        flat.par_chunks_mut(3 * lenslets).for_each(|view| smooth_view(view, &tables, ring.len()));
     }
 }
 
 /// One view.
-fn one(view: &mut [f32], tables: &[Vec<u32>], ring: usize) {
+fn smooth_view(view: &mut [f32], tables: &[Vec<u32>], ring: usize) {
     let pixels = view.as_chunks_mut::<3>().0;
     let light: Vec<f32> = pixels.iter().map(|p| (0..3).map(|c| LIGHT[c] * p[c]).sum()).collect();
     let mut colour: Vec<[f32; 3]> =
@@ -63,13 +72,13 @@ fn one(view: &mut [f32], tables: &[Vec<u32>], ring: usize) {
             let mut sum = colour[k];
             for &n in near {
                 let n = n as usize;
-                let unlike = (light[n] - light[k]) / (ALIKE * (light[k].max(0.0) + DARK));
+                let unlike = (light[n] - light[k]) / (HALF_WEIGHT_CONTRAST * (light[k].max(0.0) + DARK));
                 let weight = 1.0 / (1.0 + unlike * unlike);
                 for (s, c) in sum.iter_mut().zip(colour[n]) {
                     *s += weight * c;
                 }
             }
-            // Colour and light are summed together, so bright neighbours, whose colour is known best, count most.
+            // Colour and light are summed together, so bright neighbours, whose colour is least noisy, weigh most.
             let scale = colour[k][2] / sum[2];
             next[k] = [sum[0] * scale, sum[1] * scale, colour[k][2]];
         }
@@ -106,7 +115,7 @@ mod tests {
         let shade = |x: i32, y: i32| 0.3 + 0.2 * ((x * 7 + y * 3) % 11) as f32 / 11.0;
         let even = values(|x, y| [0.5, 1.0, 0.25].map(|c| c * shade(x, y)));
         let mut out = even.clone();
-        smooth(&mut out, &index(), true);
+        smooth_colours(&mut out, &index(), true);
         for k in 0..out.dim().1 {
             assert!((light(&out, k) - light(&even, k)).abs() < 1e-6);
             for c in 0..3 {
@@ -124,7 +133,7 @@ mod tests {
             _ => [0.7, 0.3, 0.3],
         };
         let mut out = values(scene);
-        smooth(&mut out, &index(), true);
+        smooth_colours(&mut out, &index(), true);
         let green = |x: i32, y: i32| {
             let k = (y * SIDE + x) as usize;
             (out[[0, k, 1]] - out[[0, k, 0]]) / light(&out, k)
@@ -140,12 +149,12 @@ mod tests {
     #[test]
     fn grey_light_and_odd_shapes_are_left_alone() {
         let mut mono = Array3::from_elem((1, 4, 1), 0.5);
-        smooth(&mut mono, &[[0, 0], [1, 0], [2, 0], [3, 0]], false);
+        smooth_colours(&mut mono, &[[0, 0], [1, 0], [2, 0], [3, 0]], false);
         assert!(mono.iter().all(|v| *v == 0.5));
         let mut few = Array3::from_elem((1, 2, 3), 0.5);
-        smooth(&mut few, &[[0, 0]], true);
+        smooth_colours(&mut few, &[[0, 0]], true);
         assert!(few.iter().all(|v| *v == 0.5));
-        smooth(&mut few, &[[0, 0], [1, 0]], false);
+        smooth_colours(&mut few, &[[0, 0], [1, 0]], false);
         assert!(few.iter().all(|v| (*v - 0.5).abs() < 1e-6));
     }
 }

@@ -1,0 +1,42 @@
+//! The options of decoding.
+
+use super::steps::Steps;
+
+/// Where the white balance comes from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum WhiteBalance {
+    /// The capture's own gains (metadata or profile).
+    Camera,
+    /// Estimated from the capture, by shades of grey.
+    Auto,
+    /// Gains of red, green, blue: each above 0, below 1000.
+    Gains([f32; 3]),
+}
+
+/// Options of decoding.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Views a row and a column: odd, 1 to 15. Default 7, the paper's choice.
+    pub views: usize,
+    /// Sensor pixels between neighbouring views: above 0, up to 4. Default 1.
+    pub view_step: f64,
+    /// Where the white balance comes from. Default: the capture.
+    pub white_balance: WhiteBalance,
+    /// Move all views so that (0, 0) is the middle of the aperture, where the white image shows another than the
+    /// calibration's centres. Default: yes.
+    pub recentre: bool,
+    /// The development steps. Default: [`Steps::default`]; [`steps_for`](super::steps_for) gives those of a capture.
+    pub steps: Steps,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            views: 7,
+            view_step: 1.0,
+            white_balance: WhiteBalance::Camera,
+            recentre: true,
+            steps: Steps::default(),
+        }
+    }
+}
