@@ -21,7 +21,7 @@ use ndarray::{Array3, Axis};
 use serde_json::{Value, json};
 
 use super::{Context, Outcome, Usage};
-use results::{CROPS, Calibrated, Reconstruction, SCORED, VIEWS, mean};
+use results::{CROPS, Calibrated, Reconstruction, SCORED, Simulated, VIEWS, mean};
 
 mod page;
 mod play;
@@ -86,9 +86,10 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
             view
         })
         .collect();
-    let simulated = began.elapsed().as_secs_f64();
+    let seconds = began.elapsed().as_secs_f64();
+    let made = Simulated { size: args.size, seed: args.seed, camera, seconds };
 
-    let calibrated = calibrate(&simulation, &camera, args.seed, observer)?;
+    let calibrated = calibrate(&simulation, &made.camera, args.seed, observer)?;
     calibration::save(&root.join("camera.calib"), &calibrated.found, false)?;
     let samples = decode::samples(&simulation.capture, &calibrated.found, &decode::Options::default(), observer)?;
     let mut results = reconstruct(&samples, &Target { width: size.0, height: size.1 }, observer)?;
@@ -100,7 +101,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let played = play::write(&root, &samples, &Target { width: size.0, height: size.1 }, observer)?;
     let seconds = began.elapsed().as_secs_f64();
     let json = record(args, &calibrated, &results, seconds);
-    let page = page::page(args.size, args.seed, &camera, &calibrated, &results, &truth[0], &played, simulated)?;
+    let page = page::page(&made, &calibrated, &results, &truth[0], &played)?;
     output::write_file(&root.join("report.html"), false, page.as_bytes())?;
     output::write_file(&root.join("scores.json"), false, serde_json::to_string_pretty(&json)?.as_bytes())?;
     pending.commit()?;

@@ -5,20 +5,18 @@ use lenslet_data_gen::simulate::Camera;
 use ndarray::Array3;
 
 use super::play;
-use super::results::{CROPS, Calibrated, Reconstruction, mean};
+use super::results::{CROPS, Calibrated, Reconstruction, Simulated, mean};
 use crate::report::embedded::{self, Crop};
 use crate::report::{EmbeddedPicture, Page, Stage, Table, plot};
 
 pub(super) fn page(
-    size: usize,
-    seed: u64,
-    camera: &Camera,
+    made: &Simulated,
     calibrated: &Calibrated,
     results: &[Reconstruction],
     truth: &Array3<f32>,
     played: &play::Pictures,
-    simulated: f64,
 ) -> anyhow::Result<String> {
+    let Simulated { size, seed, camera, seconds: simulated } = made;
     let mut page = Page::new(
         "From a raw capture to sharp views",
         &format!(

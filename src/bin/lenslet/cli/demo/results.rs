@@ -5,6 +5,7 @@ use std::time::Instant;
 use lenslet_core::calibration::Calibration;
 use lenslet_core::lightfield::View;
 use lenslet_core::metrics::Scores;
+use lenslet_data_gen::simulate::Camera;
 use ndarray::Array3;
 
 /// Views a side, and those that are scored (row, column): the centre and the corners.
@@ -13,6 +14,16 @@ pub(super) const SCORED: [(usize, usize); 5] = [(3, 3), (0, 0), (0, 6), (6, 0), 
 /// Crops shown: name and middle as shares of the picture.
 pub(super) const CROPS: [(&str, f64, f64); 4] =
     [("star", 0.33, 0.27), ("letters", 0.19, 0.49), ("leaves", 0.72, 0.18), ("fruit and wall", 0.6, 0.67)];
+
+/// What was simulated.
+pub(super) struct Simulated {
+    /// Longer side of the views, pixels.
+    pub(super) size: usize,
+    pub(super) seed: u64,
+    pub(super) camera: Camera,
+    /// Time of scene, capture, white images and true views.
+    pub(super) seconds: f64,
+}
 
 /// One method's views, sRGB-encoded, in the order of [`SCORED`].
 pub(super) struct Reconstruction {
