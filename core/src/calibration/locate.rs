@@ -23,9 +23,21 @@ const REACH: f64 = 0.45;
 /// Least contrast of micro-images from centre to rim (0 to 1); flatter ones are rejected.
 /// Source: chosen
 const LEAST_CONTRAST: f64 = 0.03;
+/// Clipping threshold for pixels, in typical misfits of the round before.
+/// Source: chosen
+const CLIP: f64 = 6.0;
 /// Lower bound of the clipping threshold for pixels, as a share of the lenslet's light.
 /// Source: chosen
 const LEAST_CLIP: f64 = 0.1;
+/// Largest distance from prediction to measurement at which the next round starts from the measurement, in window radii.
+/// Source: chosen
+const NEAR: f64 = 0.2;
+/// Largest misfit at which the next round starts from the measurement, relative to the typical one.
+/// Source: chosen
+const FITS: f64 = 4.0;
+/// Largest factor by which a lenslet's own light may differ from the illumination (dust, reflections).
+/// Source: chosen
+const OWN_LIGHT: f64 = 5.0;
 /// Least share of lenslets that must be measurable.
 /// Source: chosen
 const LEAST_USABLE: f64 = 0.3;
@@ -68,10 +80,10 @@ pub fn locate_lenslets(
     stage("spectrum")?;
     let spectrum = spectrum::power_spectrum(image);
     stage("phases")?;
-    let (start, locked) = prior::fit_with_prior(image, &spectrum, prior_lattice)?;
+    let (start, phases) = prior::fit_with_prior(image, &spectrum, prior_lattice)?;
     hot_pixels::mask_hot_pixels(image, hot);
     stage("centres, first")?;
-    let mut grid = locked.lattice;
+    let mut grid = phases.lattice;
     let radius = REACH * neighbour_distance(&grid);
 
     let first = measure_lenslets(
@@ -94,9 +106,9 @@ pub fn locate_lenslets(
     // The third round starts at the measured centres, each with its own brightness, and leaves out pixels that do not
     // fit.
     let typical = measured::typical_misfit(&second);
-    let clip = (6.0 * typical).max(LEAST_CLIP);
+    let clip = (CLIP * typical).max(LEAST_CLIP);
     let mut sites = predict_lenslets(&grid, image, Some(&illumination));
-    move_to_measured(&mut sites, &second, 0.2 * radius, typical);
+    move_to_measured(&mut sites, &second, NEAR * radius, typical);
     profile = fit_micro_image(image, &sites, radius)?;
     let third = measure_lenslets(image, &profile, &sites, clip);
     grid = lattice::centred(lattice_fit::fit_lattice(&grid, &third), width, height);
@@ -116,7 +128,7 @@ pub fn locate_lenslets(
         profile,
         illumination,
         shrunk,
-        coherence: locked.coherence,
+        coherence: phases.coherence,
         prominence: start.prominence,
     })
 }
@@ -132,6 +144,8 @@ fn neighbour_distance(lattice: &Lattice) -> f64 {
     length(a).min(length(b)).min(length(c))
 }
 
+/// The lenslets of the lattice whose centre lies on the sensor or at most a pixel outside, by (j, i), in the light of
+/// `illumination` (1 without it).
 fn predict_lenslets(
     lattice: &Lattice,
     image: &SensorImage,
@@ -157,18 +171,18 @@ fn move_to_measured(sites: &mut [PredictedLenslet], seen: &[MeasuredLenslet], ne
         while seen.next_if(|m| (m.j, m.i) < key).is_some() {}
         if let Some(m) = seen.next_if(|m| (m.j, m.i) == key)
             && m.usable
-            && m.misfit < 4.0 * typical * typical
+            && m.misfit < FITS * typical * typical
             && (m.x - site.x).hypot(m.y - site.y) < near
         {
             (site.x, site.y) = (m.x, m.y);
-            // The lenslet's own brightness, unless dust or a reflection changes it fivefold.
-            if (0.2..5.0).contains(&(m.gain / site.gain)) {
+            if (1.0 / OWN_LIGHT..OWN_LIGHT).contains(&(m.gain / site.gain)) {
                 site.gain = m.gain;
             }
         }
     }
 }
 
+/// The micro-image profile over a window of `radius` pixels; [`Error::NoPattern`] where it has too little contrast.
 fn fit_micro_image(image: &SensorImage, sites: &[PredictedLenslet], radius: f64) -> Result<MicroImageProfile, Error> {
     let profile = profile::fit_profile(image, sites, radius)
         .ok_or_else(|| Error::NoPattern { reason: "the micro-images have no light at their centres".into() })?;

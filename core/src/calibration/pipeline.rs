@@ -45,8 +45,8 @@ pub fn calibrate(
     hot_pixels::check_hot_pixels(&options.hot_pixels, image.data.len())?;
     hot_pixels::fill_hot_pixels(&mut image, &options.hot_pixels);
     equalise::equalise_channels(&mut image);
-    let hint = kept.iter().find_map(|c| c.mla.as_ref());
-    let located = locate::locate_lenslets(&mut image, hint, &options.hot_pixels, observer)?;
+    let prior_lattice = kept.iter().find_map(|c| c.mla.as_ref());
+    let located = locate::locate_lenslets(&mut image, prior_lattice, &options.hot_pixels, observer)?;
     observer.begin("vignetting", 0);
     hot_pixels::fill_hot_pixels(&mut image, &options.hot_pixels);
     let pattern = (!options.without_vignetting).then(|| {
@@ -99,6 +99,7 @@ pub fn calibrate_from_captures(
     Ok(found)
 }
 
+/// The calibration of the lenslets located in the captures `from`, which are of one camera.
 fn assemble(
     located: LocatedLenslets,
     vignetting: Option<Vignetting>,

@@ -13,6 +13,13 @@ use crate::calibration::screening::Screened;
 use crate::calibration::smoothing::shrink;
 use crate::progress::Observer;
 
+/// Largest misfit of a lenslet in one capture, relative to the typical one.
+/// Source: chosen
+const FITS: f64 = 4.0;
+/// Largest distance of a lenslet in one capture from the lattice, in pitches.
+/// Source: chosen
+const NEAR: f64 = 0.15;
+
 /// Replaces the centres of `found` by the means over the captures, shrunk by the variance between captures, which is due
 /// to the scenes. A single capture gives no variance: its centres are those of the lattice, with trust 0.
 ///
@@ -51,7 +58,7 @@ pub fn weigh_by_agreement(
         let typical = measured::typical_misfit(&measured).powi(2);
         for ((sum, m), site) in sums.iter_mut().zip(&measured).zip(&sites) {
             let (dx, dy) = (m.x - site.x, m.y - site.y);
-            if m.usable && m.misfit < 4.0 * typical && dx.hypot(dy) < 0.15 * grid.pitch() {
+            if m.usable && m.misfit < FITS * typical && dx.hypot(dy) < NEAR * grid.pitch() {
                 for (slot, v) in sum.iter_mut().zip([1.0, dx, dy, dx * dx, dy * dy]) {
                     *slot += v;
                 }

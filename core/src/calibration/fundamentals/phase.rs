@@ -21,6 +21,10 @@ const PERIODS: f64 = 8.0;
 /// Source: chosen
 const LEAST_COHERENCE: f64 = 0.5;
 
+/// Scale of the robust fit: a residual phase of this many turns halves a tile's weight.
+/// Source: chosen
+const PHASE_SCALE: f64 = 0.03;
+
 /// The lattice that fits the phases.
 #[derive(Debug, Clone, Copy)]
 pub struct PhaseFit {
@@ -227,7 +231,7 @@ fn fit_phase_plane(tiles: &[Tile], w: usize, nx: usize, ny: usize) -> PhasePlane
         let mut sums = [0f64; 9];
         for ((t, z), weight) in tiles.iter().zip(&turned).zip(weights.iter_mut()) {
             let rest = (z.1.atan2(z.0) / (2.0 * PI) - phase + 0.5).rem_euclid(1.0) - 0.5;
-            *weight = 1.0 / (1.0 + (rest / 0.03).powi(2));
+            *weight = 1.0 / (1.0 + (rest / PHASE_SCALE).powi(2));
             let k = *weight;
             for (slot, v) in sums.iter_mut().zip([
                 k,

@@ -16,6 +16,10 @@ const LEAST_SHARE: f64 = 0.8;
 /// Source: chosen
 const LEAST_PROMINENCE: f64 = 4.0;
 
+/// Largest distance of a frequency from an integer combination of two others to count as one, in multiples of them.
+/// Source: chosen
+const COMBINATION: f64 = 0.08;
+
 /// Fits the lattice from the prior where the spectrum confirms it, else from the spectrum alone (the blind estimate).
 ///
 /// # Errors
@@ -43,7 +47,7 @@ fn is_combination_of(a: &Fundamentals, b: &Fundamentals) -> bool {
     let det = b.f1[0] * b.f2[1] - b.f1[1] * b.f2[0];
     [a.f1, a.f2].iter().all(|f| {
         let along = [(f[0] * b.f2[1] - f[1] * b.f2[0]) / det, (b.f1[0] * f[1] - b.f1[1] * f[0]) / det];
-        along.iter().all(|v| (v - v.round()).abs() < 0.08)
+        along.iter().all(|v| (v - v.round()).abs() < COMBINATION)
     })
 }
 

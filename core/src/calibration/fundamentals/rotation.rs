@@ -15,6 +15,10 @@ const SLACK: f64 = 0.04;
 /// Source: chosen
 const LEAST_PROMINENCE: f64 = 12.0;
 
+/// Least power of a set of peaks, relative to the strongest set, to be the fundamentals.
+/// Source: chosen
+const LEAST_POWER: f64 = 0.2;
+
 /// Two fundamental frequencies of the lattice, (x, y) in cycles a pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fundamentals {
@@ -35,6 +39,7 @@ pub fn frequency_range() -> (f64, f64) {
     (1.0 / PERIODS[1], 1.0 / PERIODS[0])
 }
 
+/// How far a peak may be from its ideal position at the frequency `f`, cycles a pixel; at least 1.2 bins.
 fn tolerance(f: [f64; 2], side: usize) -> f64 {
     (SLACK * f[0].hypot(f[1])).max(1.2 / side as f64)
 }
@@ -97,7 +102,7 @@ pub fn find_fundamentals(spectrum: &Spectrum) -> Result<Fundamentals, Error> {
     let strongest = sets.iter().map(|s| s.1.power).fold(0.0, f64::max);
     for set in sets {
         // Harmonics are weaker than their fundamentals, and farther from zero.
-        if set.1.power >= 0.2 * strongest && best.as_ref().is_none_or(|b| set.0 < b.0 * 0.97) {
+        if set.1.power >= LEAST_POWER * strongest && best.as_ref().is_none_or(|b| set.0 < b.0 * 0.97) {
             best = Some(set);
         }
     }

@@ -14,6 +14,12 @@ const STEEPEST: f64 = 0.003;
 /// A cell this many times brighter or darker than the polynomial is ignored.
 /// Source: chosen
 const ODD: f64 = 1.6;
+/// Side of a cell of the residual grid, in pitches (at least 1/256 of the sensor's longer side).
+/// Source: chosen
+const CELL: f64 = 6.0;
+/// Largest relative slope of the illumination, 1/pixel.
+/// Source: chosen
+const LARGEST_SLOPE: f64 = 0.05;
 /// Rounds of reweighting of the polynomial.
 /// Source: chosen
 const ROUNDS: usize = 5;
@@ -37,19 +43,19 @@ impl Illumination {
     /// Fits the illumination to the usable lenslets of a sensor of `width`×`height` pixels: a robust polynomial, then
     /// medians of the ratio over cells of about six lenslets a side, holes filled from neighbours, smoothed twice.
     pub fn new(measured: &[MeasuredLenslet], width: usize, height: usize, pitch: f64) -> Self {
-        let cell = (6.0 * pitch).max(width.max(height) as f64 / 256.0);
+        let cell = (CELL * pitch).max(width.max(height) as f64 / 256.0);
         let columns = (width as f64 / cell).ceil().max(1.0) as usize;
         let rows = (height as f64 / cell).ceil().max(1.0) as usize;
         let middle = [0.5 * (width as f64 - 1.0), 0.5 * (height as f64 - 1.0)];
         let half = 0.5 * width.max(height) as f64;
         let lit: Vec<&MeasuredLenslet> = measured.iter().filter(|m| m.usable && m.gain > 0.0).collect();
         let (broad, least) = fit_broad_shape(&lit, middle, half);
-        let mut field = Illumination { broad, least, middle, half, cell, columns, rows, values: Vec::new() };
+        let mut illumination = Illumination { broad, least, middle, half, cell, columns, rows, values: Vec::new() };
         let mut lists: Vec<Vec<f64>> = vec![Vec::new(); columns * rows];
         for m in lit {
             let c = ((m.x / cell).max(0.0) as usize).min(columns - 1);
             let r = ((m.y / cell).max(0.0) as usize).min(rows - 1);
-            lists[r * columns + c].push(m.gain / field.broad_at(m.x, m.y));
+            lists[r * columns + c].push(m.gain / illumination.broad_at(m.x, m.y));
         }
         let mut values: Vec<f64> = lists
             .iter_mut()
@@ -63,15 +69,17 @@ impl Illumination {
         for _ in 0..2 {
             values = smooth_cells(&values, columns, rows);
         }
-        field.values = values;
-        field
+        illumination.values = values;
+        illumination
     }
 
+    /// The polynomial at (`x`, `y`).
     fn broad_at(&self, x: f64, y: f64) -> f64 {
         let p = quartic_terms(self.normalised(x, y));
         self.broad.iter().zip(p).map(|(c, p)| c * p).sum::<f64>().max(self.least)
     }
 
+    /// Coordinates of the polynomial: 0 at the sensor's centre, ±1 at the ends of its longer side.
     fn normalised(&self, x: f64, y: f64) -> [f64; 2] {
         [(x - self.middle[0]) / self.half, (y - self.middle[1]) / self.half]
     }
@@ -117,7 +125,7 @@ impl Illumination {
         let along =
             |dx: f64, dy: f64| (self.broad_at(x + dx, y + dy) - self.broad_at(x - dx, y - dy)) / (2.0 * step * broad);
         [along(step, 0.0) + rest(bounds(x, right), true), along(0.0, step) + rest(bounds(y, bottom), false)]
-            .map(|s| s.clamp(-0.05, 0.05))
+            .map(|s| s.clamp(-LARGEST_SLOPE, LARGEST_SLOPE))
     }
 
     /// Full light: the brightness that the brightest hundredth of the cells exceeds.
