@@ -7,8 +7,7 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use clap::Parser as _;
-use lenslet_core::calibration::{self, CalibrationOptions, CalibrationVariant};
-use lenslet_core::container;
+use lenslet_core::calibration::{Calibration, CalibrationVariant};
 use lenslet_core::progress::Observer;
 use ndarray::Array2;
 
@@ -30,12 +29,11 @@ struct Arguments {
 #[allow(clippy::print_stdout)]
 fn main() -> anyhow::Result<()> {
     let Arguments { image, out, variant, times } = Arguments::parse();
-    let options = CalibrationOptions { variant, without_vignetting: true, ..CalibrationOptions::default() };
+    let calibrator = Calibration::calibrator().variant(variant).without_vignetting();
     let began = Instant::now();
     let watch = Watch::default();
     watch.begin("read", 0);
-    let white = container::Capture::open(&image)?;
-    let found = calibration::calibrate(&[white], &options, &watch)?;
+    let found = calibrator.observer(&watch).from_whites(&[&image])?;
     let seconds = began.elapsed().as_secs_f64();
     let centres = Array2::from_shape_fn((found.lenslets.len(), 2), |(n, k)| {
         if k == 0 { found.lenslets[n].x } else { found.lenslets[n].y }
