@@ -30,14 +30,14 @@ pub struct Args {
     source: SourceArgs,
     #[command(flatten)]
     written: Written,
-    #[command(flatten)]
-    learned: LearnedArgs,
     /// Enlarge the views by this first
     #[arg(long, value_name = "N")]
     scale: Option<f64>,
     /// Do not use the measured samples (samples.npz) beside the light field
     #[arg(long, conflicts_with = "noise")]
     without_samples: bool,
+    #[command(flatten)]
+    learned: LearnedArgs,
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {

@@ -22,11 +22,11 @@ pub struct LearnedArgs {
     #[arg(long, conflicts_with = "fast")]
     best: bool,
     /// How residuals are predicted, instead of by LASSO codes for interpolated views and by the network for refined ones
-    #[arg(long, conflicts_with_all = ["fast", "best"], value_enum)]
+    #[arg(long, conflicts_with_all = ["fast", "best"], value_enum, value_name = "HOW")]
     path: Option<PredictorName>,
     /// What a sample is: a point of the view, or the mean over the lenslet, which is then sharpened as well (and the noise
     /// with it) [default: point]
-    #[arg(long, value_enum, hide_default_value = true)]
+    #[arg(long, value_enum, value_name = "WHAT")]
     footprint: Option<FootprintName>,
     /// Pixels between patches
     #[arg(long, value_name = "N")]
