@@ -79,7 +79,7 @@ impl<'a> Calibrator<'a> {
     /// [`Error::Capture`] where no file can be read; [`Error::InFile`] with the file and what is wrong with it;
     /// [`Error::Interrupted`].
     pub fn from_whites<P: AsRef<Path>>(self, paths: &[P]) -> Result<Calibration, Error> {
-        self.from_files(paths, pipeline::calibrate)
+        self.open_and_calibrate(paths, pipeline::calibrate)
     }
 
     /// Opens ordinary captures and calibrates from them with
@@ -89,10 +89,10 @@ impl<'a> Calibrator<'a> {
     /// # Errors
     /// As [`Calibrator::from_whites`].
     pub fn from_captures<P: AsRef<Path>>(self, paths: &[P]) -> Result<Calibration, Error> {
-        self.from_files(paths, pipeline::calibrate_from_captures)
+        self.open_and_calibrate(paths, pipeline::calibrate_from_captures)
     }
 
-    fn from_files<P: AsRef<Path>>(
+    fn open_and_calibrate<P: AsRef<Path>>(
         mut self,
         paths: &[P],
         calibrate: impl Fn(&[Capture], &CalibrationOptions, &dyn Observer) -> Result<Calibration, Error>,
