@@ -25,6 +25,7 @@ const CRATES: [(&str, &str, &[&str]); 6] = [
             "geometry",
             "noise",
             "image",
+            "stroke_font",
             "pfm",
             "interpolation",
             "container",
