@@ -105,7 +105,7 @@ fn methods(
     add("bicubic", &mut || {
         let native = |n: usize| ((n as f64 / DEFAULT_PITCH).round() as usize).max(1);
         let low = Weights::new(&placed.centres, (w, h), (native(w), native(h)))?.apply(values.view())?;
-        Ok(plane(bicubic::resize(low.view(), w, h)?))
+        Ok(plane(bicubic::resize_bicubic(low.view(), w, h)?))
     })?;
     let low = plane(Weights::new(&placed.centres, (w, h), (w, h))?.apply(values.view())?);
     add("barycentric", &mut || Ok(low.clone()))?;

@@ -158,7 +158,7 @@ fn disparity_errors(found: &Array2<f32>, truth: &Array2<f32>, view: &Array3<f32>
         let place = |k: usize, n: usize, m: usize| (k * m / n).min(m - 1);
         found[[place(t, h, fh), place(s, w, fw)]]
     });
-    let light = metrics::luminance(view.view());
+    let light = lenslet_core::colour::luminance(view.view());
     let textured = |t: usize, s: usize| {
         t > 0 && s > 0 && t + 1 < h && s + 1 < w && {
             let (x, y) = (light[[t, s + 1]] - light[[t, s - 1]], light[[t + 1, s]] - light[[t - 1, s]]);

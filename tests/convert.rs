@@ -53,7 +53,7 @@ fn linear_light_and_a_crop_of_views() {
     assert_eq!((&json["views"], &json["colour"]), (&serde_json::json!([1, 1]), &serde_json::json!("linear")));
     let whole = load(&dir.path().join("lf"), &ReadOptions::default()).unwrap();
     let linear = load(&dir.path().join("x.npy"), &ReadOptions::default()).unwrap();
-    let expected = whole.data.slice(s![1, 1, .., .., ..]).mapv(lenslet_core::lightfield::colour::decode);
+    let expected = whole.data.slice(s![1, 1, .., .., ..]).mapv(lenslet_core::colour::srgb_decode);
     assert_eq!(linear.data.slice(s![0, 0, .., .., ..]), expected);
     // Said to be linear on the way back, it is what it was.
     let output = lenslet(dir.path(), &["convert", "x.npy", "--out", "y.npy", "--input-linear"]);

@@ -11,15 +11,15 @@ use fixtures::f01_capture;
 use lenslet_core::calibration::{self, Calibration, Lenslet, Vignetting};
 use lenslet_core::container;
 use lenslet_core::decode::{HexSamples, SAMPLES_FILE};
+use lenslet_core::geometry::{Lattice, Size};
 use lenslet_core::lightfield::{self, ReadOptions, ViewOrigin};
-use lenslet_core::sampling::{hexagonal, place};
 
 const SIDE: usize = 120;
 
 /// A capture of a grey ramp and the calibration that fits it, both as files.
 fn camera(dir: &Path) -> (PathBuf, PathBuf) {
-    let lattice = hexagonal(10.0, 0.003, 1.0, [60.2, 59.7]);
-    let placed = place(&lattice, SIDE, SIDE).unwrap();
+    let lattice = Lattice::hexagonal(10.0, 0.003, 1.0, [60.2, 59.7]);
+    let placed = lattice.points_within(Size::new(SIDE, SIDE), 0.0);
     let pixels = || (0..SIDE * SIDE).map(|k| (k % SIDE, k / SIDE));
     let ramp = pixels().map(|(x, _)| 600 + 20 * x as u16).collect();
     let capture = f01_capture(SIDE, SIDE, ramp, Some("A000000001"), Some(900), None);

@@ -206,7 +206,7 @@ fn photos_become_layers() {
     let alone = simulate::photo_scene(std::slice::from_ref(&back), &camera, None, 1, &Silent).unwrap();
     // One photo alone lies at disparity 0: the middle of the canvas is the photo's middle, in every view.
     for delta in [[0.0, 0.0], [3.0, -2.0]] {
-        let seen = alone.sample(149.5, 149.5, delta).map(|v| colour::encode(v / 0.95) * 255.0);
+        let seen = alone.sample(149.5, 149.5, delta).map(|v| lenslet_core::colour::srgb_encode(v / 0.95) * 255.0);
         assert!((seen[0] - 119.0).abs() < 3.0 && (seen[1] - 89.0).abs() < 3.0, "{seen:?}");
     }
     let both = simulate::photo_scene(&[back, print], &camera, None, 1, &Silent).unwrap();

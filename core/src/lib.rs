@@ -6,10 +6,13 @@
 //! through [`progress::Observer`].
 
 pub mod calibration;
+pub mod colour;
 pub mod container;
 pub mod decode;
 pub mod dictionary;
 pub mod digest;
+pub mod geometry;
+pub mod image;
 pub mod interpolation;
 pub mod lightfield;
 pub mod linalg;
@@ -17,6 +20,7 @@ pub mod metrics;
 pub mod output;
 pub mod pfm;
 pub mod progress;
+pub mod random;
 pub mod sampling;
 pub mod sparse;
 pub mod stroke_font;

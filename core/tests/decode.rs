@@ -5,8 +5,8 @@
 use lenslet_core::calibration::{Calibration, Lenslet, Vignetting};
 use lenslet_core::container::{CameraFacts, Capture, Cfa, ColourFacts, Levels, RawMosaic};
 use lenslet_core::decode::{self, Demosaic, Error, HexSamples, Options, RawStep, Steps, ViewStep, WhiteBalance};
+use lenslet_core::geometry::{Lattice, Size};
 use lenslet_core::progress::Silent;
-use lenslet_core::sampling::{hexagonal, place};
 
 const WIDTH: usize = 180;
 const HEIGHT: usize = 150;
@@ -27,12 +27,16 @@ fn micro_image(centres: &[[f64; 2]], x: usize, y: usize) -> (f32, usize) {
 /// A camera, and a capture of `scene(x, y, colour)` seen where each pixel looks: at its lenslet's centre plus
 /// `disparity` times the pixel's offset from it. `light` multiplies everything.
 fn planted(cfa: Cfa, disparity: f64, light: f32, scene: impl Fn(f64, f64, usize) -> f64) -> (Capture, Calibration) {
-    let lattice = hexagonal(PITCH, 0.003, 1.0004, [91.3, 76.8]);
-    let placed = place(&lattice, WIDTH, HEIGHT).unwrap();
+    let lattice = Lattice::hexagonal(PITCH, 0.003, 1.0004, [91.3, 76.8]);
+    let placed = lattice.points_within(Size::new(WIDTH, HEIGHT), 0.0);
     // Lenslets whose centres lie off the sensor have micro-images on it, too.
-    let mut wide = hexagonal(PITCH, 0.003, 1.0004, [91.3 + 30.0, 76.8 + 30.0]);
-    let all: Vec<[f64; 2]> =
-        place(&wide, WIDTH + 60, HEIGHT + 60).unwrap().centres.iter().map(|c| [c[0] - 30.0, c[1] - 30.0]).collect();
+    let mut wide = Lattice::hexagonal(PITCH, 0.003, 1.0004, [91.3 + 30.0, 76.8 + 30.0]);
+    let all: Vec<[f64; 2]> = wide
+        .points_within(Size::new(WIDTH + 60, HEIGHT + 60), 0.0)
+        .centres
+        .iter()
+        .map(|c| [c[0] - 30.0, c[1] - 30.0])
+        .collect();
     wide.origin = lattice.origin;
     assert_eq!(wide, lattice);
     let (mut data, mut white) = (Vec::new(), Vec::new());

@@ -5,5 +5,4 @@
 
 pub mod pairs;
 pub mod photo;
-mod random;
 pub mod simulate;

@@ -1,6 +1,7 @@
 //! Light fields to linear light, in which the applications add up.
 
-use lenslet_core::lightfield::{ColourSpace, LightField, colour};
+use lenslet_core::colour::srgb_decode;
+use lenslet_core::lightfield::{ColourSpace, LightField};
 use ndarray::Zip;
 
 /// Steps of the table: stored light fields have 16 bits a value.
@@ -13,7 +14,7 @@ pub fn to_linear_light(field: &mut LightField) {
     if field.meta.colour == ColourSpace::Linear {
         return;
     }
-    let table: Vec<f32> = (0..=STEPS).map(|k| colour::decode(k as f32 / STEPS as f32)).collect();
+    let table: Vec<f32> = (0..=STEPS).map(|k| srgb_decode(k as f32 / STEPS as f32)).collect();
     Zip::from(&mut field.data).par_for_each(|v| {
         // A NaN becomes 0 here.
         *v = table[(v.clamp(0.0, 1.0) * STEPS as f32 + 0.5) as usize];

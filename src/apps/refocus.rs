@@ -3,7 +3,9 @@
 use ndarray::{Array2, Array3, ArrayView2, ArrayView3, ArrayView5, s};
 use rayon::prelude::*;
 
-use lenslet_views::disparity::{self, LUMINANCE, cubic_weights};
+use lenslet_core::colour::LUMINANCE;
+use lenslet_core::image::{Cell, bilinear_by_weights, catmull_rom_weights};
+use lenslet_views::disparity;
 
 use super::error::{Error, ensure_parameter, ensure_shape};
 
@@ -109,7 +111,7 @@ pub fn refocus(data: &ArrayView5<f32>, disparity: f32, aperture: &ArrayView2<f32
                     }
                 }
             }
-            let w = cubic_weights(fx);
+            let w = catmull_rom_weights(fx);
             // First tap of pixel `from`: one left of from + ix, in a row that begins two pixels early.
             let start = ((from as f32 + ix) as usize + 1) * channels;
             let n = (to - from) * channels;
@@ -147,7 +149,7 @@ pub fn refocus(data: &ArrayView5<f32>, disparity: f32, aperture: &ArrayView2<f32
 /// Adds `a` times the row at height `y` (within the frame) of a view, between rows by Catmull-Rom.
 fn add_rows(view: &ArrayView3<f32>, y: f32, a: f32, sum: &mut [f32]) {
     let last = view.dim().0 as isize - 1;
-    let (y0, w) = (y.floor() as isize, cubic_weights(y - y.floor()).map(|w| a * w));
+    let (y0, w) = (y.floor() as isize, catmull_rom_weights(y - y.floor()).map(|w| a * w));
     let row = |k: isize| view.index_axis_move(ndarray::Axis(0), (y0 + k).clamp(0, last) as usize);
     let rows = [row(-1), row(0), row(1), row(2)];
     let [Some(p), Some(q), Some(r), Some(s)] = rows.each_ref().map(|r| r.to_slice()) else { return };
@@ -194,14 +196,10 @@ pub fn all_in_focus(
                 if a <= 0.0 || !inside {
                     continue;
                 }
-                let (x0, y0) = (x as usize, y as usize);
-                let (fx, fy) = (x - x0 as f32, y - y0 as f32);
-                let (x1, y1) = ((x0 + 1).min(width - 1), (y0 + 1).min(height - 1));
+                let cell = Cell::clamped(x, y, width, height);
                 let mut off = 0f32;
                 for k in 0..channels {
-                    let upper = data[[v, u, y0, x0, k]] * (1.0 - fx) + data[[v, u, y0, x1, k]] * fx;
-                    let lower = data[[v, u, y1, x0, k]] * (1.0 - fx) + data[[v, u, y1, x1, k]] * fx;
-                    value[k] = upper * (1.0 - fy) + lower * fy;
+                    value[k] = bilinear_by_weights(cell.corners(|x, y| data[[v, u, y, x, k]]), cell.fx, cell.fy);
                     off += (value[k] - own[k]).powi(2);
                 }
                 let w = a / (1.0 + off / (channels as f32 * HALF_WEIGHT));
@@ -316,7 +314,7 @@ mod tests {
                     if x < 0.0 || y < 0.0 || x > (w - 1) as f32 || y > (h - 1) as f32 {
                         continue;
                     }
-                    let (wx, wy) = (cubic_weights(x - x.floor()), cubic_weights(y - y.floor()));
+                    let (wx, wy) = (catmull_rom_weights(x - x.floor()), catmull_rom_weights(y - y.floor()));
                     for j in 0..4 {
                         for i in 0..4 {
                             let px = (x.floor() as isize + i - 1).clamp(0, w as isize - 1) as usize;

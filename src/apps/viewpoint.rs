@@ -4,6 +4,7 @@
 use ndarray::{Array2, Array3, ArrayView5};
 use rayon::prelude::*;
 
+use lenslet_core::image::{Cell, bilinear_by_weights};
 use lenslet_views::disparity::{self, DepthOrder};
 
 use super::error::{Error, ensure_parameter, ensure_shape};
@@ -98,14 +99,9 @@ pub fn render_between_views(
             let (x, y) = ((s as f32 + hold * u).clamp(0.0, right), (t as f32 + hold * v).clamp(0.0, bottom));
             let d = map[[(y + 0.5) as usize, (x + 0.5) as usize]];
             for &(kv, ku, [du, dv], w) in &near {
-                let (px, py) = ((x + d * du).clamp(0.0, right), (y + d * dv).clamp(0.0, bottom));
-                let (x0, y0) = (px as usize, py as usize);
-                let (x1, y1) = ((x0 + 1).min(width - 1), (y0 + 1).min(height - 1));
-                let (fx, fy) = (px - x0 as f32, py - y0 as f32);
+                let cell = Cell::clamped(x + d * du, y + d * dv, width, height);
                 for (k, p) in pixel.iter_mut().enumerate() {
-                    let upper = data[[kv, ku, y0, x0, k]] * (1.0 - fx) + data[[kv, ku, y0, x1, k]] * fx;
-                    let lower = data[[kv, ku, y1, x0, k]] * (1.0 - fx) + data[[kv, ku, y1, x1, k]] * fx;
-                    *p += w * (upper * (1.0 - fy) + lower * fy);
+                    *p += w * bilinear_by_weights(cell.corners(|x, y| data[[kv, ku, y, x, k]]), cell.fx, cell.fy);
                 }
             }
         }

@@ -1,6 +1,6 @@
 //! An 8-bit RGB picture, made of views in linear light or sRGB.
 
-use lenslet_core::lightfield::colour;
+use lenslet_core::colour::srgb_encode;
 use ndarray::ArrayView3;
 use rayon::prelude::*;
 
@@ -34,7 +34,7 @@ impl Picture {
         let table: Vec<u8> = (0..=STEPS)
             .map(|k| {
                 let root = k as f32 / STEPS as f32;
-                (colour::encode(root * root) * 255.0 + 0.5) as u8
+                (srgb_encode(root * root) * 255.0 + 0.5) as u8
             })
             .collect();
         Picture::from_values(view, |v| table[(v.clamp(0.0, 1.0).sqrt() * STEPS as f32 + 0.5) as usize])
@@ -63,11 +63,12 @@ impl Picture {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use lenslet_core::colour::srgb_decode;
     use ndarray::Array3;
 
     #[test]
     fn screen_values_follow_the_curve() {
-        let image = Array3::from_shape_fn((1, 256, 1), |(_, s, _)| colour::decode(s as f32 / 255.0));
+        let image = Array3::from_shape_fn((1, 256, 1), |(_, s, _)| srgb_decode(s as f32 / 255.0));
         let picture = Picture::from_linear(&image.view());
         for (s, p) in picture.rgb.chunks(3).enumerate() {
             assert!(p.iter().all(|&b| (i32::from(b) - s as i32).abs() <= 1), "{s}: {p:?}");

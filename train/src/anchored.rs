@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use crate::atoms::initial_atoms;
 use crate::error::Error;
-use crate::order::shuffled_indices;
+use lenslet_core::random::shuffled_indices;
 
 /// Signals whose nearest anchors are found in one product.
 /// Source: chosen; speed only.

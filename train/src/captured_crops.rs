@@ -5,11 +5,12 @@
 use std::path::PathBuf;
 
 use lenslet_core::calibration;
+use lenslet_core::colour::luminance;
 use lenslet_core::decode;
 use lenslet_core::dictionary::Footprint;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{ColourSpace, View, colour};
-use lenslet_core::metrics::{BORDER, luminance};
+use lenslet_core::metrics::BORDER;
 use lenslet_core::progress::{Observer, Silent};
 use lenslet_data_gen::pairs::Crop;
 use lenslet_data_gen::photo::PhotoSet;

@@ -21,7 +21,6 @@ pub mod network;
 mod normalised_pairs;
 pub mod online;
 pub mod optimiser;
-mod order;
 mod parameters;
 #[cfg(test)]
 mod planted;

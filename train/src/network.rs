@@ -6,14 +6,13 @@ use lenslet_core::dictionary::{Layer, Network, network_inputs};
 use lenslet_core::linalg::{Par, product};
 use lenslet_data_gen::pairs::{self, Crop, PatchOptions};
 use ndarray::{Array1, Array2, Axis, Ix1, Ix2, concatenate};
-use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
 use rayon::prelude::*;
 
 use crate::error::Error;
 use crate::optimiser::{Adam, cosine_annealed};
-use crate::order::shuffled_indices;
 use crate::parameters::NetworkParameters;
+use lenslet_core::random::{shuffled_indices, standard_normal};
 
 /// Smallest norm that features are divided by; flatter patches do not train.
 /// Source: chosen.
@@ -161,12 +160,6 @@ impl AdamLayer {
     }
 }
 
-/// A standard normal number (Box and Muller 1958).
-fn standard_normal(rng: &mut ChaCha8Rng) -> f64 {
-    let (u, v) = (1.0 - rng.random::<f64>(), rng.random::<f64>());
-    (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
-}
-
 /// Gradients by weights and bias of every layer.
 type Gradient = Vec<(Array2<f32>, Array1<f32>)>;
 
@@ -218,7 +211,7 @@ fn network_gradient(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rand::SeedableRng;
+    use rand::{RngExt, SeedableRng};
 
     fn planted(n: usize) -> (Array2<f32>, Array2<f32>, Vec<f32>) {
         let mut rng = ChaCha8Rng::seed_from_u64(2);

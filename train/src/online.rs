@@ -10,9 +10,9 @@ use rayon::prelude::*;
 
 use crate::atoms::{atoms_to_replace, replace_atom};
 use crate::error::Error;
-use crate::order::shuffled_indices;
 use crate::statistics::{accumulate_statistics, update_atoms};
 use crate::trace::EpochSummary;
+use lenslet_core::random::shuffled_indices;
 
 /// Atoms and their statistics.
 #[derive(Debug, Clone)]

@@ -13,8 +13,8 @@ use rayon::prelude::*;
 use crate::atoms::normalise_atoms;
 use crate::error::Error;
 use crate::optimiser::Adam;
-use crate::order::shuffled_indices;
 use crate::regression::{solve_normal_equations, weighted_gram, weighted_product};
+use lenslet_core::random::shuffled_indices;
 
 /// Both dictionaries and the state of their steps.
 #[derive(Debug, Clone)]

@@ -8,13 +8,13 @@ use super::centres::predicted::PredictedLenslet;
 use super::centres::profile::{self, MicroImageProfile};
 use super::error::Error;
 use super::fundamentals::{prior, spectrum};
-use super::lattice;
 use super::model::{Grid, Lattice, Lenslet};
 use super::photometric::hot_pixels;
 use super::sensor_image::SensorImage;
 use super::smoothing::illumination::Illumination;
 use super::smoothing::shrink::{self, ShrunkCentres};
 use crate::container::MlaHint;
+use crate::geometry::Size;
 use crate::progress::Observer;
 
 /// Radius of the measuring window in distances of neighbours; below 0.5, so that it stays clear of their micro-images.
@@ -111,7 +111,7 @@ pub fn locate_lenslets(
     move_to_measured(&mut sites, &second, NEAR * radius, typical);
     profile = fit_micro_image(image, &sites, radius)?;
     let third = measure_lenslets(image, &profile, &sites, clip);
-    grid = lattice::centred(lattice_fit::fit_lattice(&grid, &third), width, height);
+    grid = lattice_fit::fit_lattice(&grid, &third).centred_on(Size::new(width, height));
     let usable = third.iter().filter(|m| m.usable).count() as f64 / third.len().max(1) as f64;
     if usable < LEAST_USABLE {
         return Err(Error::NoPattern {
@@ -151,7 +151,9 @@ fn predict_lenslets(
     image: &SensorImage,
     illumination: Option<&Illumination>,
 ) -> Vec<PredictedLenslet> {
-    lattice::indices(lattice, image.width, image.height, 1.0)
+    lattice
+        .points_within(Size::new(image.width, image.height), 1.0)
+        .index
         .into_iter()
         .map(|[i, j]| {
             let [x, y] = lattice.centre(i, j);

@@ -39,8 +39,6 @@ mod compatibility;
 mod error;
 mod file;
 mod fundamentals;
-mod lattice;
-mod linear;
 mod locate;
 mod model;
 mod options;

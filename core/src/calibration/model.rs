@@ -2,72 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// How the lenslets are packed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Grid {
-    /// Hexagonal, nearest neighbours along the rows (Lytro).
-    HexRows,
-    /// Hexagonal, nearest neighbours along the columns.
-    HexColumns,
-    /// Square.
-    Square,
-}
-
-/// A regular lattice: centre (i, j) = origin + i·a + j·b, in sensor pixels (x right, y down, pixel centres at
-/// integers).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Lattice {
-    /// Packing.
-    pub grid: Grid,
-    /// Position of lenslet (0, 0), the one nearest the sensor's centre.
-    pub origin: [f64; 2],
-    /// Step to the next lenslet of a row (for `HexColumns`: of a column).
-    pub a: [f64; 2],
-    /// Step to the next row: for hexagonal grids about 60 degrees clockwise on screen from `a` (y is down), for square
-    /// ones 90.
-    pub b: [f64; 2],
-}
-
-impl Lattice {
-    /// Centre of lenslet (`i`, `j`).
-    #[inline]
-    pub fn centre(&self, i: i32, j: i32) -> [f64; 2] {
-        let (i, j) = (f64::from(i), f64::from(j));
-        [self.origin[0] + i * self.a[0] + j * self.b[0], self.origin[1] + i * self.a[1] + j * self.b[1]]
-    }
-
-    /// Fractional lattice coordinates of the point (`x`, `y`).
-    #[inline]
-    pub fn coordinates(&self, x: f64, y: f64) -> [f64; 2] {
-        let det = self.a[0] * self.b[1] - self.a[1] * self.b[0];
-        let (dx, dy) = (x - self.origin[0], y - self.origin[1]);
-        [(dx * self.b[1] - dy * self.b[0]) / det, (self.a[0] * dy - self.a[1] * dx) / det]
-    }
-
-    /// Distance between neighbours of a row, |a|, in pixels.
-    pub fn pitch(&self) -> f64 {
-        self.a[0].hypot(self.a[1])
-    }
-
-    /// Rotation of `a` against the x axis (`HexColumns`: against the y axis), radians, positive = clockwise on screen.
-    pub fn rotation(&self) -> f64 {
-        match self.grid {
-            Grid::HexColumns => (-self.a[0]).atan2(self.a[1]),
-            _ => self.a[1].atan2(self.a[0]),
-        }
-    }
-
-    /// Row distance over its ideal (√3/2·pitch, or the pitch for square grids); 1.0004 to 1.0005 in Lytro F01s.
-    pub fn row_stretch(&self) -> f64 {
-        let det = (self.a[0] * self.b[1] - self.a[1] * self.b[0]).abs();
-        let ideal = match self.grid {
-            Grid::Square => 1.0,
-            _ => 3f64.sqrt() / 2.0,
-        };
-        det / (self.pitch() * self.pitch() * ideal)
-    }
-}
+pub use crate::geometry::{Grid, Lattice};
 
 /// One lenslet whose centre lies on the sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

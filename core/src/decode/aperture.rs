@@ -7,6 +7,8 @@
 use super::micro_image::is_within;
 use super::samples::view_offset;
 use crate::calibration::{Calibration, Vignetting};
+use crate::image::bilinear_by_weights;
+use crate::linalg::gauss_jordan;
 
 /// Lenslets that are averaged, spread over the sensor.
 ///
@@ -20,6 +22,10 @@ const CENTRAL: f64 = 0.6;
 ///
 /// Source: chosen.
 const FARTHEST: f64 = 0.15;
+/// A smaller pivot of the normal equations means that there is no light to fit.
+///
+/// Source: chosen.
+const LEAST_PIVOT: f64 = 1e-12;
 
 /// From the calibration's lenslet centres to the middle of the mean micro-image, in sensor pixels: moved by it, the
 /// middle view lies on the optical axis. 0 without a white image, or where the light has no maximum within reach.
@@ -75,27 +81,10 @@ fn apex(calibration: &Calibration, white: &Vignetting, at: [f64; 2], radius: f64
             }
         }
     }
-    let [_, b, c, e] = solve(sums)?;
+    gauss_jordan(&mut sums, LEAST_PIVOT)?;
+    let [_, b, c, e] = sums.map(|row| row[4]);
     let apex = [-b / (2.0 * e), -c / (2.0 * e)];
     (e < 0.0 && apex.iter().all(|v| v.abs() <= radius)).then_some(apex)
-}
-
-/// Solution of four equations (Gauss, with the largest pivot).
-fn solve(mut m: [[f64; 5]; 4]) -> Option<[f64; 4]> {
-    for k in 0..4 {
-        let pivot = (k..4).max_by(|&a, &b| m[a][k].abs().total_cmp(&m[b][k].abs()))?;
-        m.swap(k, pivot);
-        if m[k][k].abs() < 1e-12 {
-            return None;
-        }
-        for r in (0..4).filter(|&r| r != k) {
-            let (factor, own) = (m[r][k] / m[k][k], m[k]);
-            for (v, o) in m[r].iter_mut().zip(own) {
-                *v -= factor * o;
-            }
-        }
-    }
-    Some(std::array::from_fn(|k| m[k][4] / m[k][k]))
 }
 
 /// How reliable each view is, 0..=1, in the order of `HexSamples`: the white image's mean light at the view, the
@@ -127,7 +116,7 @@ fn bilinear(white: &Vignetting, x: f64, y: f64) -> Option<f64> {
     }
     let (fx, fy) = (x - x0, y - y0);
     let at = |dx: usize, dy: usize| f64::from(white.white[(y0 as usize + dy) * white.width + x0 as usize + dx]);
-    Some((at(0, 0) * (1.0 - fx) + at(1, 0) * fx) * (1.0 - fy) + (at(0, 1) * (1.0 - fx) + at(1, 1) * fx) * fy)
+    Some(bilinear_by_weights([at(0, 0), at(1, 0), at(0, 1), at(1, 1)], fx, fy))
 }
 
 fn spread_centres(calibration: &Calibration) -> impl Iterator<Item = [f64; 2]> {

@@ -11,10 +11,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::llt;
-use faer::{Mat, Par};
-use ndarray::Array3;
+use ndarray::{Array2, Array3};
 use rayon::prelude::*;
 
 use super::error::Error;
@@ -23,6 +20,7 @@ use super::mosaic::{Mosaic, mirror};
 use super::samples::{HexSamples, view_offset};
 use crate::calibration::{Calibration, Lattice};
 use crate::container::Cfa;
+use crate::linalg::{Cholesky, gauss_jordan};
 use crate::progress::Observer;
 
 /// Sub-pixel positions a pixel and axis: centres are rounded by at most 1/32 pixel.
@@ -54,6 +52,10 @@ const SPREAD: f64 = 1.0 / 12.0 + 0.36;
 ///
 /// Source: chosen.
 const MARGIN: f64 = 0.3;
+/// A smaller pivot means that the constraints contradict each other.
+///
+/// Source: chosen.
+const LEAST_PIVOT: f64 = 1e-12;
 
 /// Everything a set of weights depends on.
 struct Model<'a> {
@@ -249,14 +251,14 @@ fn solve_weights(model: &Model<'_>, key: u32) -> Option<Weights> {
         let r = d[0].hypot(d[1]);
         matern(r, LUMINANCE_LENGTH) + if same { COLOUR_SHARE * matern(r, CHROMINANCE_LENGTH) } else { 0.0 }
     };
-    let mut k = Mat::<f64>::from_fn(m, m, |i, j| {
+    let mut k = Array2::<f64>::from_shape_fn((m, m), |(i, j)| {
         let ((p, a), (q, b)) = (places[i], places[j]);
         covariance([p[0] - q[0], p[1] - q[1]], a == b)
     });
     for (i, &(dx, dy)) in pixels.iter().enumerate() {
         let p = [f64::from(dx) - centre[0], f64::from(dy) - centre[1]];
         let bin = ((p[0].hypot(p[1]) * 4.0) as usize).min(model.light.len() - 1);
-        k[(i, i)] += NOISE / (model.light[bin] * model.light[bin]);
+        k[[i, i]] += NOISE / (model.light[bin] * model.light[bin]);
     }
     // Right-hand sides: the covariance with each output, then one column for each constraint: which pixels are of each
     // colour, and the places of all.
@@ -268,7 +270,7 @@ fn solve_weights(model: &Model<'_>, key: u32) -> Option<Weights> {
         (d, _) if k >= channels => d[k - channels],
         (_, colour) => f64::from(u8::from(colour == k)),
     };
-    let mut w = Mat::<f64>::from_fn(m, outputs + constraints, |i, o| {
+    let w = Array2::<f64>::from_shape_fn((m, outputs + constraints), |(i, o)| {
         if o >= outputs {
             return constraint(i, o - outputs);
         }
@@ -276,71 +278,28 @@ fn solve_weights(model: &Model<'_>, key: u32) -> Option<Weights> {
         let [u, v] = place(o / channels);
         covariance([p[0] - u, p[1] - v], a == o % channels)
     });
-    factor_and_solve(&mut k, &mut w)?;
+    let w = Cholesky::new(k.view()).ok()?.solve(w.view());
     // Lagrange: sums over the pixels of each colour must be 1 for the output's colour and 0 for the others, and the
     // mean place must be that of the view, so that estimates are unbiased for constant and for linear light.
-    let sums = |o: usize, k: usize| -> f64 { (0..m).map(|i| constraint(i, k) * w[(i, o)]).sum() };
-    let s = Mat::<f64>::from_fn(constraints, constraints, |a, b| sums(outputs + b, a));
-    let missing = Mat::<f64>::from_fn(constraints, outputs, |k, o| {
+    let sums = |o: usize, k: usize| -> f64 { (0..m).map(|i| constraint(i, k) * w[[i, o]]).sum() };
+    let missing = |k: usize, o: usize| {
         let wanted =
             if k >= channels { place(o / channels)[k - channels] } else { f64::from(u8::from(o % channels == k)) };
         wanted - sums(o, k)
-    });
-    let factor = solve_small(s, missing)?;
+    };
+    // Rows [S | missing], which become [· | factors].
+    let entry = |k: usize, c: usize| if c < constraints { sums(outputs + c, k) } else { missing(k, c - constraints) };
+    let row = |k: usize| (0..constraints + outputs).map(|c| entry(k, c)).collect();
+    let mut factor: Vec<Vec<f64>> = (0..constraints).map(row).collect();
+    gauss_jordan(&mut factor, LEAST_PIVOT)?;
     let mut rows = vec![0f32; m * outputs];
     for o in 0..outputs {
         for i in 0..m {
-            let extra: f64 = (0..constraints).map(|k| factor[(k, o)] * w[(i, outputs + k)]).sum();
-            rows[i * outputs + o] = (w[(i, o)] + extra) as f32;
+            let extra: f64 = (0..constraints).map(|k| factor[k][constraints + o] * w[[i, outputs + k]]).sum();
+            rows[i * outputs + o] = (w[[i, o]] + extra) as f32;
         }
     }
     Some(Weights { pixels, rows, outputs })
-}
-
-/// Cholesky on this thread only: results must not depend on the number of threads.
-fn factor_and_solve(k: &mut Mat<f64>, right: &mut Mat<f64>) -> Option<()> {
-    let m = k.nrows();
-    let need = llt::factor::cholesky_in_place_scratch::<f64>(m, Par::Seq, Default::default())
-        .or(llt::solve::solve_in_place_scratch::<f64>(m, right.ncols(), Par::Seq));
-    let mut memory = MemBuffer::new(need);
-    let stack = MemStack::new(&mut memory);
-    llt::factor::cholesky_in_place(k.as_mut(), Default::default(), Par::Seq, stack, Default::default()).ok()?;
-    llt::solve::solve_in_place(k.as_ref(), right.as_mut(), Par::Seq, stack);
-    Some(())
-}
-
-/// Solves S X = R for the few constraints: Gaussian elimination, largest pivots first. None where they contradict each
-/// other.
-fn solve_small(mut s: Mat<f64>, mut r: Mat<f64>) -> Option<Mat<f64>> {
-    let n = s.nrows();
-    for c in 0..n {
-        let pivot = (c..n).max_by(|&a, &b| s[(a, c)].abs().total_cmp(&s[(b, c)].abs()))?;
-        if s[(pivot, c)].abs() < 1e-12 {
-            return None;
-        }
-        for k in 0..n {
-            (s[(c, k)], s[(pivot, k)]) = (s[(pivot, k)], s[(c, k)]);
-        }
-        for k in 0..r.ncols() {
-            (r[(c, k)], r[(pivot, k)]) = (r[(pivot, k)], r[(c, k)]);
-        }
-        for row in (0..n).filter(|&row| row != c) {
-            let f = s[(row, c)] / s[(c, c)];
-            for k in c..n {
-                s[(row, k)] -= f * s[(c, k)];
-            }
-            for k in 0..r.ncols() {
-                r[(row, k)] -= f * r[(c, k)];
-            }
-        }
-    }
-    for c in 0..n {
-        let f = 1.0 / s[(c, c)];
-        for k in 0..r.ncols() {
-            r[(c, k)] *= f;
-        }
-    }
-    Some(r)
 }
 
 /// One lenslet: its pixels times the weights. Beyond the sensor's border pixels are mirrored.

@@ -12,14 +12,12 @@
 use ndarray::Array3;
 use rayon::prelude::*;
 
+use crate::colour::LUMINANCE_OF_LINEAR as LUMINANCE;
+
 /// Share of the way to the border up to which nothing changes.
 ///
 /// Source: chosen.
 const KNEE: f32 = 0.95;
-/// Luminance of linear sRGB primaries.
-///
-/// Source: IEC 61966-2-1.
-const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
 /// Fits every colour of `values` (…, …, 3) into 0..=1; other numbers of channels stay as they are.
 pub(super) fn fit_colours(values: &mut Array3<f32>) {

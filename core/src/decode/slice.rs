@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::error::Error;
 use super::samples::HexSamples;
 use crate::progress::Observer;
-use crate::sampling::bicubic;
+use crate::sampling::bicubic::bicubic_at;
 
 /// Views `(views², lenslets, channels)` of `image` (height, width, channels): view (v, u) reads at
 /// centre + (u, v)·view_step, bicubic.
@@ -25,7 +25,7 @@ pub(super) fn slice_views(
             let [du, dv] = samples.view_offset(k);
             view.par_chunks_mut(channels * 1024).zip(samples.centres.par_chunks(1024)).for_each(|(out, centres)| {
                 for (o, c) in out.chunks_exact_mut(channels).zip(centres) {
-                    bicubic::at(image.view(), c[0] + du, c[1] + dv, o);
+                    bicubic_at(image.view(), c[0] + du, c[1] + dv, o);
                 }
             });
             observer.advance(1);

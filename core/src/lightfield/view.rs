@@ -5,8 +5,9 @@ use std::marker::PhantomData;
 
 use ndarray::Array3;
 
-use super::colour::{self, ColourSpace};
+use super::colour::ColourSpace;
 use super::encode::encode_srgb;
+use crate::colour::srgb_decode;
 
 mod sealed {
     pub trait Sealed {}
@@ -111,6 +112,6 @@ impl View<Srgb> {
     /// The view in linear light. Values are not cut.
     #[must_use]
     pub fn decode(&self) -> View<Linear> {
-        View::new(self.pixels.mapv(colour::decode))
+        View::new(self.pixels.mapv(srgb_decode))
     }
 }

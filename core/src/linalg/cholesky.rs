@@ -80,7 +80,7 @@ impl<T: Real> Cholesky<T> {
 /// ```
 /// use lenslet_core::linalg::solve_ridge;
 /// use ndarray::array;
-/// let x = solve_ridge(array![[1.0, 1.0], [1.0, 1.0]].view(), array![[3.0], [3.0]].view(), 1.0)?;
+/// let x = solve_ridge(array![[1.0f64, 1.0], [1.0, 1.0]].view(), array![[3.0], [3.0]].view(), 1.0)?;
 /// assert!((&x - &array![[1.0], [1.0]]).iter().all(|d| d.abs() < 1e-12));
 /// # Ok::<(), lenslet_core::linalg::Error>(())
 /// ```

@@ -5,8 +5,10 @@ use ndarray::{Array2, Array3, ArrayView3};
 use rayon::prelude::*;
 
 use super::error::Error;
-use super::luminance::luminance;
-use crate::sampling::bicubic;
+use crate::colour::luminance;
+use crate::image::bilinear_with_slopes;
+use crate::linalg::gauss_jordan;
+use crate::sampling::bicubic::bicubic_at;
 
 /// Smallest side of the coarsest level, pixels.
 /// Source: chosen.
@@ -17,6 +19,9 @@ const STEPS: usize = 30;
 /// Rows a job; fixed, so that sums do not depend on the number of threads.
 /// Source: chosen.
 const BAND: usize = 16;
+/// A smaller pivot of the normal equations means that the picture does not determine the map.
+/// Source: chosen.
+const LEAST_PIVOT: f64 = 1e-12;
 
 /// The map of a picture onto another, and the relation of their values.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -127,7 +132,7 @@ fn warp_affine(picture: ArrayView3<f32>, a: &[f64; 6], (height, width): (usize, 
     out.par_chunks_mut(width * channels).enumerate().for_each(|(t, row)| {
         for (s, pixel) in row.chunks_exact_mut(channels).enumerate() {
             let (x, y) = (s as f64, t as f64);
-            bicubic::at(picture, a[0] * x + a[1] * y + a[2], a[3] * x + a[4] * y + a[5], pixel);
+            bicubic_at(picture, a[0] * x + a[1] * y + a[2], a[3] * x + a[4] * y + a[5], pixel);
         }
     });
     Array3::from_shape_vec((height, width, channels), out).unwrap_or_else(|_| Array3::zeros((height, width, channels)))
@@ -149,7 +154,7 @@ fn pyramid(picture: Array2<f32>) -> Vec<Array2<f32>> {
 }
 
 /// Bilinear value and slopes of a picture; None outside of it.
-fn bilinear_with_slopes(picture: &Array2<f32>, x: f64, y: f64) -> Option<[f64; 3]> {
+fn value_and_slopes(picture: &Array2<f32>, x: f64, y: f64) -> Option<[f64; 3]> {
     let (height, width) = picture.dim();
     if !(x >= 0.0 && y >= 0.0 && x < (width - 1) as f64 && y < (height - 1) as f64) {
         return None;
@@ -157,9 +162,7 @@ fn bilinear_with_slopes(picture: &Array2<f32>, x: f64, y: f64) -> Option<[f64; 3
     let (s, t) = (x as usize, y as usize);
     let (fx, fy) = (x - s as f64, y - t as f64);
     let p = |j: usize, i: usize| f64::from(picture[[t + j, s + i]]);
-    let (top, bottom) = (p(0, 0) + fx * (p(0, 1) - p(0, 0)), p(1, 0) + fx * (p(1, 1) - p(1, 0)));
-    let dx = (1.0 - fy) * (p(0, 1) - p(0, 0)) + fy * (p(1, 1) - p(1, 0));
-    Some([top + fy * (bottom - top), dx, bottom - top])
+    Some(bilinear_with_slopes([p(0, 0), p(0, 1), p(1, 0), p(1, 1)], fx, fy))
 }
 
 /// Gauss-Newton over the six numbers of the map and a gain and offset.
@@ -180,7 +183,7 @@ fn refine_affine(from: &Array2<f32>, to: &Array2<f32>, affine: &mut [f64; 6]) {
                         let (x, y) = (s as f64, t as f64);
                         let (px, py) =
                             (affine[0] * x + affine[1] * y + affine[2], affine[3] * x + affine[4] * y + affine[5]);
-                        let Some([value, dx, dy]) = bilinear_with_slopes(from, px, py) else { continue };
+                        let Some([value, dx, dy]) = value_and_slopes(from, px, py) else { continue };
                         let error = f64::from(to[[t, s]]) - (g * value + o);
                         let (ux, uy) = (x / unit - 1.0, y / unit - 1.0);
                         let (gx, gy) = (g * dx, g * dy);
@@ -236,23 +239,8 @@ fn solve_damped(sums: &[f64; 44]) -> Option<[f64; 8]> {
     for (a, row) in m.iter_mut().enumerate() {
         row[a] = row[a] * (1.0 + 1e-9) + 1e-12;
     }
-    for a in 0..8 {
-        let pivot = (a..8).max_by(|&i, &j| m[i][a].abs().total_cmp(&m[j][a].abs()))?;
-        m.swap(a, pivot);
-        if m[a][a].abs() < 1e-12 {
-            return None;
-        }
-        let row = m[a];
-        for (i, other) in m.iter_mut().enumerate() {
-            if i != a {
-                let factor = other[a] / row[a];
-                for (x, y) in other.iter_mut().zip(row) {
-                    *x -= factor * y;
-                }
-            }
-        }
-    }
-    let solution: [f64; 8] = std::array::from_fn(|a| m[a][8] / m[a][a]);
+    gauss_jordan(&mut m, LEAST_PIVOT)?;
+    let solution = m.map(|row| row[8]);
     solution.iter().all(|x| x.is_finite()).then_some(solution)
 }
 

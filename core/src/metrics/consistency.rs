@@ -4,7 +4,7 @@ use ndarray::{Array3, ArrayView2, ArrayView3};
 
 use super::error::Error;
 use super::psnr::psnr;
-use crate::sampling::bicubic;
+use crate::sampling::bicubic::bicubic_at;
 
 /// PSNR in dB of `other`, warped by `disparity`, against `centre` (both (t, s, c)), `border` pixels left out on each
 /// side. `disparity` (t, s) is in pixels a view step, `steps` (u, v) the number of views that `other` is to the right
@@ -45,7 +45,7 @@ pub fn view_consistency(
         for s in 0..width - 2 * border {
             let (x, y) = ((s + border) as f64, (t + border) as f64);
             let d = f64::from(disparity[[t + border, s + border]]);
-            bicubic::at(other, x + d * steps.0, y + d * steps.1, &mut pixel);
+            bicubic_at(other, x + d * steps.0, y + d * steps.1, &mut pixel);
             for (c, &value) in pixel.iter().enumerate() {
                 moved[[t, s, c]] = value;
             }

@@ -3,10 +3,10 @@
 use ndarray::ArrayView3;
 
 use super::error::Error;
-use super::luminance::luminance;
 use super::psnr::psnr;
 use super::ssim::ssim;
 use super::window::Window;
+use crate::colour::luminance;
 
 /// PSNR and SSIM of a view against its truth.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]

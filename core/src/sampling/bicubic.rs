@@ -3,17 +3,9 @@
 use ndarray::{Array3, ArrayView3};
 use rayon::prelude::*;
 
-use super::{Error, check_size};
-
-const A: f64 = -0.5;
-
-/// Weights of the four neighbours −1, 0, 1, 2 for a position `f` (0..1) past neighbour 0. They sum to one.
-#[inline]
-pub fn weights(f: f64) -> [f64; 4] {
-    let near = |d: f64| ((A + 2.0) * d - (A + 3.0)) * d * d + 1.0;
-    let far = |d: f64| ((A * d - 5.0 * A) * d + 8.0 * A) * d - 4.0 * A;
-    [far(1.0 + f), near(f), near(1.0 - f), far(2.0 - f)]
-}
+use super::error::{Error, check_size};
+use crate::geometry::SensorToView;
+use crate::image::keys_weights;
 
 /// Taps of one output position: four clamped indices and their weights.
 fn taps(x: f64, len: usize) -> ([usize; 4], [f32; 4]) {
@@ -21,12 +13,20 @@ fn taps(x: f64, len: usize) -> ([usize; 4], [f32; 4]) {
     let x = x.clamp(-1.0, last + 1.0);
     let base = x.floor();
     let index = [-1.0, 0.0, 1.0, 2.0].map(|k| (base + k).clamp(0.0, last) as usize);
-    (index, weights(x - base).map(|w| w as f32))
+    (index, keys_weights(x - base).map(|w| w as f32))
 }
 
 /// Interpolates all channels of `image` (t, s, c) at (`x`, `y`) into `out`; beyond the border the edge pixel repeats.
 /// The image must not be empty.
-pub fn at(image: ArrayView3<'_, f32>, x: f64, y: f64, out: &mut [f32]) {
+///
+/// ```
+/// use lenslet_core::sampling::bicubic::bicubic_at;
+/// let image = ndarray::Array3::from_shape_fn((5, 8, 1), |(t, s, _)| (s * s + t) as f32);
+/// let mut value = [0.0];
+/// bicubic_at(image.view(), 3.5, 2.0, &mut value); // parabolas are reproduced
+/// assert_eq!(value, [14.25]);
+/// ```
+pub fn bicubic_at(image: ArrayView3<'_, f32>, x: f64, y: f64, out: &mut [f32]) {
     let (height, width, _) = image.dim();
     let (xs, wx) = taps(x, width);
     let (ys, wy) = taps(y, height);
@@ -35,17 +35,27 @@ pub fn at(image: ArrayView3<'_, f32>, x: f64, y: f64, out: &mut [f32]) {
     }
 }
 
-/// Enlarges (or plainly resamples, without a wider kernel for shrinking) `image` (t, s, c) to `width`×`height`; pixel
-/// centres follow the convention of [`crate::sampling`].
+/// Enlarges (or plainly resamples, without a wider kernel for shrinking) `image` (t, s, c) to `width`×`height`; places
+/// by [`crate::geometry::SensorToView`].
 ///
 /// # Errors
 /// An empty image, or a size out of range.
-pub fn resize(image: ArrayView3<'_, f32>, width: usize, height: usize) -> Result<Array3<f32>, Error> {
+///
+/// ```
+/// use lenslet_core::sampling::bicubic::resize_bicubic;
+/// let image = ndarray::Array3::from_elem((3, 4, 2), 0.25);
+/// let large = resize_bicubic(image.view(), 8, 6)?;
+/// assert_eq!(large.dim(), (6, 8, 2));
+/// assert!(large.iter().all(|v| (v - 0.25).abs() < 1e-6));
+/// # Ok::<(), lenslet_core::sampling::Error>(())
+/// ```
+pub fn resize_bicubic(image: ArrayView3<'_, f32>, width: usize, height: usize) -> Result<Array3<f32>, Error> {
     let (h, w, channels) = image.dim();
     check_size("image", w, h)?;
     check_size("view", width, height)?;
-    let place = |k: usize, from: usize, to: usize| (k as f64 + 0.5) * from as f64 / to as f64 - 0.5;
-    let columns: Vec<_> = (0..width).map(|s| taps(place(s, w, width), w)).collect();
+    let map = SensorToView::new((w, h), (width, height));
+    let source_of = |s: usize, t: usize| map.to_sensor([s as f64, t as f64]);
+    let columns: Vec<_> = (0..width).map(|s| taps(source_of(s, 0)[0], w)).collect();
     // Along the rows first: (h, width, c).
     let mut wide = Array3::<f32>::zeros((h, width, channels));
     let image = image.as_standard_layout();
@@ -65,7 +75,7 @@ pub fn resize(image: ArrayView3<'_, f32>, width: usize, height: usize) -> Result
     let wide = &*target;
     if let Some(flat) = out.as_slice_mut() {
         flat.par_chunks_mut(row).enumerate().for_each(|(t, to)| {
-            let (index, weight) = taps(place(t, h, height), h);
+            let (index, weight) = taps(source_of(0, t)[1], h);
             let [a, b, c, d] = index.map(|k| &wide[k * row..(k + 1) * row]);
             for (k, p) in to.iter_mut().enumerate() {
                 *p = weight[0] * a[k] + weight[1] * b[k] + weight[2] * c[k] + weight[3] * d[k];
@@ -80,22 +90,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn weights_sum_to_one_and_interpolate() {
-        for k in 0..=10 {
-            let f = f64::from(k) / 10.0;
-            assert!((weights(f).iter().sum::<f64>() - 1.0).abs() < 1e-12);
-        }
-        assert_eq!(weights(0.0), [0.0, 1.0, 0.0, 0.0]);
-    }
-
-    #[test]
     fn the_separable_form_equals_the_plain_one() {
         let image = Array3::from_shape_fn((7, 9, 2), |(t, s, c)| ((t * 31 + s * 17 + c * 7) % 13) as f32 / 6.0 - 1.0);
-        let out = resize(image.view(), 23, 30).unwrap();
+        let out = resize_bicubic(image.view(), 23, 30).unwrap();
         for t in 0..30 {
             for s in 0..23 {
                 let mut plain = [0f32; 2];
-                at(image.view(), (s as f64 + 0.5) * 9.0 / 23.0 - 0.5, (t as f64 + 0.5) * 7.0 / 30.0 - 0.5, &mut plain);
+                bicubic_at(
+                    image.view(),
+                    (s as f64 + 0.5) * 9.0 / 23.0 - 0.5,
+                    (t as f64 + 0.5) * 7.0 / 30.0 - 0.5,
+                    &mut plain,
+                );
                 for c in 0..2 {
                     assert!((out[[t, s, c]] - plain[c]).abs() < 1e-5);
                 }
@@ -111,7 +117,7 @@ mod tests {
         let mut out = [0f32];
         for k in 10..90 {
             let x = f64::from(k) / 10.0;
-            at(image.view(), x, 2.0, &mut out);
+            bicubic_at(image.view(), x, 2.0, &mut out);
             assert!((f64::from(out[0]) - f(x)).abs() < 1e-5);
         }
         assert!(out[0] < 0.0);
@@ -119,9 +125,9 @@ mod tests {
 
     #[test]
     fn bad_sizes_are_errors() {
-        assert!(resize(Array3::zeros((0, 3, 1)).view(), 4, 4).is_err());
-        assert!(resize(Array3::zeros((3, 3, 1)).view(), 0, 4).is_err());
-        assert!(resize(Array3::zeros((3, 3, 1)).view(), usize::MAX, 4).is_err());
-        assert_eq!(resize(Array3::zeros((3, 3, 0)).view(), 4, 5).unwrap().dim(), (5, 4, 0));
+        assert!(resize_bicubic(Array3::zeros((0, 3, 1)).view(), 4, 4).is_err());
+        assert!(resize_bicubic(Array3::zeros((3, 3, 1)).view(), 0, 4).is_err());
+        assert!(resize_bicubic(Array3::zeros((3, 3, 1)).view(), usize::MAX, 4).is_err());
+        assert_eq!(resize_bicubic(Array3::zeros((3, 3, 0)).view(), 4, 5).unwrap().dim(), (5, 4, 0));
     }
 }

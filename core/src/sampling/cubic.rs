@@ -7,9 +7,10 @@
 use ndarray::{Array3, ArrayView2};
 use rayon::prelude::*;
 
+use super::error::Error;
 use super::gradient::{self, Stencils};
-use super::weights::to_output;
-use super::{Error, Weights};
+use super::weights::Weights;
+use crate::geometry::SensorToView;
 
 /// A linear form in the three corner values and the three corner slopes: (f₀ f₁ f₂ gx₀ gx₁ gx₂ gy₀ gy₁ gy₂).
 type Form = [f64; 9];
@@ -38,7 +39,7 @@ impl Cubic {
     /// As [`Weights::new`].
     pub fn new(centres: &[[f64; 2]], sensor: (usize, usize), target: (usize, usize)) -> Result<Self, Error> {
         let linear = Weights::new(centres, sensor, target)?;
-        let points = to_output(centres, sensor, target);
+        let points = SensorToView::new(sensor, target).all_to_view(centres);
         let (width, height) = target;
         let blank = Entry { index: [0; 3], weight: [0.0; 9] };
         let mut entries = vec![blank; width * height];
@@ -242,8 +243,8 @@ impl Patch {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::{Lattice, Size};
     use crate::sampling::raster::barycentric;
-    use crate::sampling::{hexagonal, place};
     use ndarray::Array2;
 
     const P: [[f64; 2]; 3] = [[0.0, 0.0], [3.2, 0.3], [1.1, 2.9]];
@@ -297,7 +298,8 @@ mod tests {
 
     #[test]
     fn planes_come_back_and_samples_are_met() {
-        let centres = place(&hexagonal(10.0, 0.003, 1.0004, [102.3, 71.1]), 400, 300).unwrap().centres;
+        let centres =
+            Lattice::hexagonal(10.0, 0.003, 1.0004, [102.3, 71.1]).points_within(Size::new(400, 300), 0.0).centres;
         let surface = Cubic::new(&centres, (400, 300), (132, 99)).unwrap();
         let f = |x: f64, y: f64| 0.3 + 0.002 * x - 0.001 * y;
         let values =

@@ -5,10 +5,17 @@
 
 use rayon::prelude::*;
 
+use crate::linalg::gauss_with_back_substitution;
+
 /// Neighbours within this many mean edge lengths take part: two rings of a hexagonal lattice.
+/// Source: chosen, the second ring reaches to 2.
 const REACH: f64 = 2.1;
 /// At most so many neighbours (the nearest): bounds the work where centres crowd.
+/// Source: chosen, two rings have 18.
 const MOST: usize = 24;
+/// A smaller pivot means neighbours on one line; offsets are in units of the spacing.
+/// Source: chosen, far above the rounding of f64.
+const LEAST_PIVOT: f64 = 1e-9;
 
 /// Slope stencils: the gradient of centre k is Σ (wx, wy)·(value of the neighbour) over `start[k]..start[k+1]`.
 #[derive(Debug, Clone, PartialEq)]
@@ -88,50 +95,10 @@ fn stencil(
     }
     a[(m + 1) * columns + n] = 1.0;
     a[(m + 2) * columns + n + 1] = 1.0;
-    if !solve(a, n, columns) {
+    if gauss_with_back_substitution(a, n, columns, LEAST_PIVOT).is_none() {
         return Vec::new();
     }
     (0..m).map(|i| (near[i].1, [0, 1].map(|c| (a[i * columns + n + c] / spacing) as f32))).collect()
-}
-
-/// Gauss elimination with row pivots on an n×`columns` system; the columns from n on become the solutions.
-fn solve(a: &mut [f64], n: usize, columns: usize) -> bool {
-    for k in 0..n {
-        let mut pivot = k;
-        for i in k + 1..n {
-            if a[i * columns + k].abs() > a[pivot * columns + k].abs() {
-                pivot = i;
-            }
-        }
-        if a[pivot * columns + k].abs() < 1e-9 {
-            return false;
-        }
-        if pivot != k {
-            for c in k..columns {
-                a.swap(k * columns + c, pivot * columns + c);
-            }
-        }
-        let (head, tail) = a.split_at_mut((k + 1) * columns);
-        let row = &head[k * columns..];
-        for other in tail.chunks_exact_mut(columns) {
-            let f = other[k] / row[k];
-            if f != 0.0 {
-                for (o, r) in other[k..].iter_mut().zip(&row[k..]) {
-                    *o -= f * r;
-                }
-            }
-        }
-    }
-    for k in (0..n).rev() {
-        for c in n..columns {
-            let mut v = a[k * columns + c];
-            for j in k + 1..n {
-                v -= a[k * columns + j] * a[j * columns + c];
-            }
-            a[k * columns + c] = v / a[k * columns + k];
-        }
-    }
-    true
 }
 
 /// Points in square cells as wide as the reach.
@@ -173,17 +140,17 @@ impl Buckets {
         out
     }
 
-    fn place(&self, v: f64, k: usize, n: usize) -> usize {
+    fn cell_along(&self, v: f64, k: usize, n: usize) -> usize {
         (((v - self.low[k]) / self.cell).max(0.0) as usize).min(n - 1)
     }
 
     fn cell_of(&self, p: [f64; 2]) -> usize {
-        self.place(p[1], 1, self.rows) * self.columns + self.place(p[0], 0, self.columns)
+        self.cell_along(p[1], 1, self.rows) * self.columns + self.cell_along(p[0], 0, self.columns)
     }
 
     fn within(&self, points: &[[f64; 2]], p: [f64; 2], reach: f64, out: &mut Vec<(f64, u32)>) {
-        let (x0, x1) = (self.place(p[0] - reach, 0, self.columns), self.place(p[0] + reach, 0, self.columns));
-        let (y0, y1) = (self.place(p[1] - reach, 1, self.rows), self.place(p[1] + reach, 1, self.rows));
+        let (x0, x1) = (self.cell_along(p[0] - reach, 0, self.columns), self.cell_along(p[0] + reach, 0, self.columns));
+        let (y0, y1) = (self.cell_along(p[1] - reach, 1, self.rows), self.cell_along(p[1] + reach, 1, self.rows));
         for y in y0..=y1 {
             let row = y * self.columns;
             for &n in &self.list[self.start[row + x0] as usize..self.start[row + x1 + 1] as usize] {
@@ -200,11 +167,12 @@ impl Buckets {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sampling::{hexagonal, place};
+    use crate::geometry::{Lattice, Size};
 
     #[test]
     fn slopes_of_planes_are_exact_and_of_parabolas_close() {
-        let mut points = place(&hexagonal(3.3, 0.01, 1.0005, [20.0, 20.0]), 60, 50).unwrap().centres;
+        let mut points =
+            Lattice::hexagonal(3.3, 0.01, 1.0005, [20.0, 20.0]).points_within(Size::new(60, 50), 0.0).centres;
         for (k, p) in points.iter_mut().enumerate() {
             p[0] += ((k * 37) % 11) as f64 * 0.02;
         }
@@ -230,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lonely_point_has_no_slope() {
+    fn a_point_without_neighbours_has_no_slope() {
         let stencils = stencils(&[[0.0, 0.0], [100.0, 0.0], [0.0, 100.0]], 1.0);
         assert_eq!(stencils.start, vec![0, 0, 0, 0]);
     }

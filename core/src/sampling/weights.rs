@@ -3,9 +3,9 @@
 use ndarray::{Array3, ArrayView2};
 use rayon::prelude::*;
 
-use super::delaunay::{Triangulation, triangulate};
+use super::error::{Error, check_size};
 use super::raster::{self, Entry};
-use super::{Error, check_size};
+use crate::geometry::{SensorToView, Triangulation, triangulate};
 
 /// For each output pixel three samples and their weights (≥ 0, sum 1): applied to any view and any channels.
 #[derive(Debug, Clone, PartialEq)]
@@ -14,12 +14,6 @@ pub struct Weights {
     height: usize,
     samples: usize,
     entries: Vec<Entry>,
-}
-
-/// Centres in output pixels: (x + ½)·W'/W − ½.
-pub(super) fn to_output(centres: &[[f64; 2]], sensor: (usize, usize), target: (usize, usize)) -> Vec<[f64; 2]> {
-    let (fx, fy) = (target.0 as f64 / sensor.0 as f64, target.1 as f64 / sensor.1 as f64);
-    centres.iter().map(|c| [(c[0] + 0.5) * fx - 0.5, (c[1] + 0.5) * fy - 0.5]).collect()
 }
 
 impl Weights {
@@ -36,7 +30,7 @@ impl Weights {
     }
 
     fn from_mesh(mesh: &Triangulation, centres: &[[f64; 2]], sensor: (usize, usize), target: (usize, usize)) -> Self {
-        let points = to_output(centres, sensor, target);
+        let points = SensorToView::new(sensor, target).all_to_view(centres);
         let (width, height) = target;
         let mut entries = raster::draw(mesh, &points, width, height);
         let outline = Outline::new(mesh, &points);
@@ -199,12 +193,13 @@ impl Outline {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sampling::{hexagonal, place};
+    use crate::geometry::{Lattice, Size};
     use ndarray::Array2;
     use spade::{DelaunayTriangulation, FloatTriangulation, Point2};
 
     fn lattice() -> Vec<[f64; 2]> {
-        let mut centres = place(&hexagonal(10.0, 0.003, 1.0004, [102.3, 71.1]), 400, 300).unwrap().centres;
+        let mut centres =
+            Lattice::hexagonal(10.0, 0.003, 1.0004, [102.3, 71.1]).points_within(Size::new(400, 300), 0.0).centres;
         for (k, c) in centres.iter_mut().enumerate() {
             c[0] += ((k * 37) % 11) as f64 * 0.02 - 0.1;
             c[1] += ((k * 53) % 13) as f64 * 0.02 - 0.12;
@@ -262,7 +257,7 @@ mod tests {
         let target = (80, 60);
         let table = Weights::new(&centres, (400, 300), target).unwrap();
         let mesh = triangulate(&centres).unwrap();
-        let points = to_output(&centres, (400, 300), target);
+        let points = SensorToView::new((400, 300), target).all_to_view(&centres);
         let inside = raster::draw(&mesh, &points, 80, 60);
         let mut checked = 0;
         for t in 0..60 {

@@ -3,6 +3,7 @@
 
 use lenslet_core::dictionary::Footprint;
 use lenslet_core::interpolation::Interpolation;
+use lenslet_core::random::standard_normal;
 use lenslet_core::sampling::{self, Weights, lattice_samples};
 use ndarray::{Array2, ArrayView2, Axis};
 use rand::RngExt;
@@ -10,7 +11,6 @@ use rand::rngs::ChaCha8Rng;
 
 use super::error::Error;
 use crate::photo::{ReductionKernel, reduce_plane};
-use crate::random::standard_normal;
 
 /// How a sharp plane becomes the low image.
 #[derive(Debug, Clone, PartialEq)]
@@ -72,7 +72,7 @@ pub fn degrade_plane(
     };
     let (placed, mut values) = lattice_samples(image, degradation.pitch, degradation.rotation, phase, footprint)?;
     if degradation.noise > 0.0 {
-        values.mapv_inplace(|v| v + degradation.noise * standard_normal(rng));
+        values.mapv_inplace(|v| v + degradation.noise * standard_normal(rng) as f32);
     }
     let low = match degradation.base {
         Interpolation::Barycentric => Weights::new(&placed.centres, (w, h), (w, h))?.apply(values.view())?,
@@ -97,9 +97,9 @@ fn shrink_and_enlarge(
     }
     let mut small = reduce_plane(high, rows as usize, columns as usize, ReductionKernel::Bicubic)?;
     if degradation.noise > 0.0 {
-        small.mapv_inplace(|v| v + degradation.noise * standard_normal(rng));
+        small.mapv_inplace(|v| v + degradation.noise * standard_normal(rng) as f32);
     }
-    Ok(sampling::bicubic::resize(small.view().insert_axis(Axis(2)), w, h)?.index_axis_move(Axis(2), 0))
+    Ok(sampling::bicubic::resize_bicubic(small.view().insert_axis(Axis(2)), w, h)?.index_axis_move(Axis(2), 0))
 }
 
 #[cfg(test)]
@@ -112,7 +112,7 @@ mod tests {
         let flat = Array2::from_elem((200, 200), 0.5f32);
         let d = Degradation { noise: 0.02, pitch: 1.0, ..Degradation::default() };
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let deviates: Vec<f32> = (0..20_000).map(|_| standard_normal(&mut rng)).collect();
+        let deviates: Vec<f32> = (0..20_000).map(|_| standard_normal(&mut rng) as f32).collect();
         let variance = deviates.iter().map(|v| v * v).sum::<f32>() / 20_000.0;
         assert!((variance - 1.0).abs() < 0.05);
         let low = degrade_plane(flat.view(), &d, &mut rng).unwrap();

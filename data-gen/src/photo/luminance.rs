@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use image::DynamicImage;
-use lenslet_core::lightfield::{ColourSpace, colour};
+use lenslet_core::colour::{LUMINANCE, srgb_encode};
+use lenslet_core::lightfield::ColourSpace;
 use ndarray::Array2;
 
 use super::decode::decode_photo;
@@ -45,10 +46,10 @@ fn luminance_of(photo: &DynamicImage, encoding: ColourSpace) -> Array2<f32> {
     let mut rgb = photo.to_rgb32f();
     let (w, h) = rgb.dimensions();
     if encoding == ColourSpace::Linear {
-        rgb.iter_mut().for_each(|v| *v = colour::encode(*v));
+        rgb.iter_mut().for_each(|v| *v = srgb_encode(*v));
     }
     let weigh = |p: &[f32]| {
-        let y = 0.299 * p[0] + 0.587 * p[1] + 0.114 * p[2];
+        let y = LUMINANCE[0] * p[0] + LUMINANCE[1] * p[1] + LUMINANCE[2] * p[2];
         if y.is_finite() { y.clamp(0.0, 1.0) } else { 0.0 }
     };
     let values: Vec<f32> = rgb.as_raw().chunks_exact(3).map(weigh).collect();

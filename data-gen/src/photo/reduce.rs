@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use lenslet_core::image::keys_kernel;
 use ndarray::{Array2, ArrayView2};
 
 use super::error::Error;
@@ -31,8 +32,7 @@ impl ReductionKernel {
         let sinc = |x: f64| if x < 1e-9 { 1.0 } else { (PI * x).sin() / (PI * x) };
         match self {
             ReductionKernel::Lanczos => sinc(x) * sinc(x / 3.0),
-            ReductionKernel::Bicubic if x < 1.0 => (1.5 * x - 2.5) * x * x + 1.0,
-            ReductionKernel::Bicubic => ((-0.5 * x + 2.5) * x - 4.0) * x + 2.0,
+            ReductionKernel::Bicubic => keys_kernel(x),
         }
     }
 }

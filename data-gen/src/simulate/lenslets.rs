@@ -4,13 +4,13 @@
 //! `rotation` (positive = clockwise on screen), moved to the sensor's centre plus `offset`, and moved once more by its own
 //! normally distributed error of standard deviation `jitter` in x and y. A pixel belongs to the nearest lenslet.
 
+use lenslet_core::random::standard_normal_pair;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 
 use super::camera::Camera;
 use super::draw::floor_i32;
 use super::error::Error;
-use crate::random::normal_pair;
 
 /// The lenslets of one camera, errors included.
 #[derive(Debug, Clone)]
@@ -97,7 +97,7 @@ impl Lenslets {
 fn position_error(seed: u64, c: i32, r: i32) -> [f64; 2] {
     let mut generator = ChaCha8Rng::seed_from_u64(seed ^ 0x6c65_6e73_6c65_7473);
     generator.set_stream((u64::from(c as u32) << 32) | u64::from(r as u32));
-    normal_pair(&mut generator)
+    standard_normal_pair(&mut generator)
 }
 
 #[cfg(test)]

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use lenslet_core::lightfield::colour::decode;
+use lenslet_core::colour::srgb_decode;
+use lenslet_core::image::bilinear_by_weights;
 use lenslet_core::progress::Observer;
 
 use super::camera::Camera;
@@ -37,7 +38,7 @@ impl LinearPhoto {
     fn open(path: &Path) -> Result<LinearPhoto, Error> {
         let picture = decode_photo(path, LEAST_SIDE, MOST_PIXELS)?.picture.into_rgb16();
         let (width, height) = (picture.width() as usize, picture.height() as usize);
-        let pixels = picture.pixels().map(|p| p.0.map(|v| decode(f32::from(v) / 65535.0))).collect();
+        let pixels = picture.pixels().map(|p| p.0.map(|v| srgb_decode(f32::from(v) / 65535.0))).collect();
         Ok(LinearPhoto { width, height, pixels })
     }
 
@@ -65,7 +66,7 @@ impl LinearPhoto {
         let (fx, fy) = ((x - i as f64) as f32, (y - j as f64) as f32);
         let at = |i: usize, j: usize| self.pixels[j * self.width + i];
         let (a, b, c, d) = (at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1));
-        std::array::from_fn(|k| (a[k] * (1.0 - fx) + b[k] * fx) * (1.0 - fy) + (c[k] * (1.0 - fx) + d[k] * fx) * fy)
+        std::array::from_fn(|k| bilinear_by_weights([a[k], b[k], c[k], d[k]], fx, fy))
     }
 }
 

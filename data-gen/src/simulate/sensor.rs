@@ -7,6 +7,7 @@
 
 use lenslet_core::container::RawMosaic;
 use lenslet_core::progress::Observer;
+use lenslet_core::random::standard_normal_pair;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use rayon::prelude::*;
@@ -15,7 +16,6 @@ use super::camera::Camera;
 use super::error::Error;
 use super::lenslets::Lenslets;
 use super::scene::Scene;
-use crate::random::normal_pair;
 
 /// The light on every pixel under an even white scene, 1 at the brightest lenslet centres; row-major.
 pub fn white_pattern(camera: &Camera, lenslets: &Lenslets) -> Vec<f32> {
@@ -147,7 +147,7 @@ pub fn record_mosaic(signal: &[f32], camera: &Camera, noise: f64, seed: u64, fra
         let mut generator = ChaCha8Rng::seed_from_u64(seed ^ 0x6e6f_6973_6521);
         generator.set_stream((u64::from(frame) << 32) | y as u64);
         for (to, from) in line.chunks_mut(2).zip(signal.chunks(2)) {
-            let pair = if noise > 0.0 { normal_pair(&mut generator) } else { [0.0; 2] };
+            let pair = if noise > 0.0 { standard_normal_pair(&mut generator) } else { [0.0; 2] };
             for ((to, from), n) in to.iter_mut().zip(from).zip(pair) {
                 let light = f64::from(*from) * (white - black);
                 let spread = noise * unit * (light.max(0.0) / unit + 9.0).sqrt();

@@ -3,7 +3,7 @@
 use ndarray::Array2;
 
 use super::depth_order::DepthOrder;
-use super::planes::Plane;
+use lenslet_core::image::Plane;
 
 /// The middle view's disparity as the view `step` = (u, v) away sees it: surfaces nearer by `order` win, gaps are filled with what lies behind. Units: pixels per view step, pixels of this map.
 pub fn carry_to_view(disparity: &Array2<f32>, step: [f32; 2], order: DepthOrder) -> Array2<f32> {

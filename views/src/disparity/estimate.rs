@@ -1,12 +1,13 @@
 //! Disparity of one view of a light field: range found at a small size, then the search, then brought to the full size.
 
+use lenslet_core::image::Plane;
 use lenslet_core::progress::Observer;
 use ndarray::{Array2, ArrayView5, s};
 use rayon::prelude::*;
 
 use super::error::Error;
 use super::options::Options;
-use super::planes::{Plane, luminance};
+use super::planes::luminance;
 use super::range::find_range;
 use super::search::{enlarge, search};
 use super::specks;

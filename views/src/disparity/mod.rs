@@ -25,4 +25,4 @@ pub use error::Error;
 pub use errors::{DisparityErrors, compare_with_truth};
 pub use estimate::{Disparity, estimate, estimate_planes};
 pub use options::Options;
-pub use planes::{LUMINANCE, Plane, cubic_weights, luminance};
+pub use planes::luminance;

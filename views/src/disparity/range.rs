@@ -1,10 +1,10 @@
 //! The range of disparities of a light field.
 
+use lenslet_core::image::Plane;
 use lenslet_core::progress::Observer;
 
 use super::error::Error;
 use super::options::Options;
-use super::planes::Plane;
 use super::volume::{cost_volume, hypotheses, least_cost, outermost_step};
 
 /// The range that holds nearly all confident disparities of a small version of the light field.

@@ -1,9 +1,9 @@
 //! Edge-preserving regularisation of a cost volume: the guided filter (He et al. 2010) gathers cost over pixels of like
 //! brightness, semi-global matching (Hirschmüller 2008) then minimises Σ C(x, d) + P1·[|Δd| = 1] + P2·[|Δd| > 1] along eight paths.
 
+use lenslet_core::image::{Plane, box_mean};
 use rayon::prelude::*;
 
-use super::planes::{Plane, box_mean};
 use super::sweep::Volume;
 
 /// The guide's own statistics, computed once for all planes.

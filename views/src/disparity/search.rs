@@ -1,12 +1,12 @@
 //! Search at one size: costs regularised, the minimum made sub-pixel, outliers removed.
 
+use lenslet_core::image::Plane;
 use lenslet_core::progress::Observer;
 use ndarray::Array2;
 use rayon::prelude::*;
 
 use super::error::Error;
 use super::options::Options;
-use super::planes::Plane;
 use super::volume::{confidence_of, cost_volume, hypotheses, outermost_step};
 use super::{regularise, sweep, tensor};
 
@@ -101,7 +101,7 @@ pub(super) fn enlarge(
     let (d, c) = (plane(&found.disparity), plane(&found.confidence));
     let place = |k: usize| (k as f32 + 0.5) / scale - 0.5;
     (
-        Array2::from_shape_fn((full.1, full.0), |(t, s)| scale * d.at(place(s), place(t))),
-        Array2::from_shape_fn((full.1, full.0), |(t, s)| c.at(place(s), place(t))),
+        Array2::from_shape_fn((full.1, full.0), |(t, s)| scale * d.bilinear_at(place(s), place(t))),
+        Array2::from_shape_fn((full.1, full.0), |(t, s)| c.bilinear_at(place(s), place(t))),
     )
 }

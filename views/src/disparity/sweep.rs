@@ -1,7 +1,9 @@
 //! Plane sweep: for each hypothesis d, cost(x) = robust mean over views of |L(x + d·(u,v); v,u) − L(x; reference)|,
 //! with the side of the views that sees the point chosen where the others are blocked by something in front.
 
-use super::planes::{Plane, shifted_row};
+use lenslet_core::image::Plane;
+
+use super::planes::shifted_row;
 
 /// Cost of every hypothesis at every pixel: `planes[k][t·w + s]`.
 pub struct Volume {

@@ -1,7 +1,9 @@
 //! Structure tensor of the epipolar images (paper 4.3, after Wanner and Goldluecke): in an EPI a scene point draws a line
 //! L(s, u) = f(s − D·u), so the eigenvector of least change of [[Σ L_s², Σ L_s·L_u], [·, Σ L_u²]] has slope D.
 
-use super::planes::{Plane, box_mean, shifted_row};
+use lenslet_core::image::{Plane, box_mean};
+
+use super::planes::shifted_row;
 
 /// Slope and coherence of the lines through each pixel of the reference view.
 pub struct Slopes {

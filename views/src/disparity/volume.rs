@@ -1,11 +1,11 @@
 //! Matching costs of all hypotheses at every pixel, gathered along edges.
 
+use lenslet_core::image::Plane;
 use lenslet_core::progress::Observer;
 use rayon::prelude::*;
 
 use super::error::Error;
 use super::options::Options;
-use super::planes::Plane;
 use super::{regularise, sweep};
 
 fn placed(grid: &[Vec<Plane>], at: (usize, usize)) -> Vec<sweep::Placed<'_>> {

@@ -30,6 +30,6 @@ impl Bicubic {
 impl ViewInterpolator for Bicubic {
     fn interpolate_view(&self, values: ArrayView2<'_, f32>) -> Result<Array3<f32>, Error> {
         let low = self.low.apply(values)?;
-        Ok(bicubic::resize(low.view(), self.target.width, self.target.height)?)
+        Ok(bicubic::resize_bicubic(low.view(), self.target.width, self.target.height)?)
     }
 }

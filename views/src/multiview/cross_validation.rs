@@ -5,6 +5,8 @@
 //! than single-view interpolation met theirs. Where they do not (a wrong disparity, something
 //! in front), the fit misses the own samples by as much.
 
+use lenslet_core::image::{Cell, bilinear_by_differences};
+
 /// Side of the cells in which squares are gathered, pixels of the target.
 ///
 /// Source: chosen.
@@ -83,15 +85,9 @@ impl OtherViewsWeight {
     /// At a pixel, bilinear between the cells.
     #[inline]
     pub(super) fn at(&self, x: usize, y: usize) -> f32 {
-        let place = |x: usize, n: usize| ((x as f32 + 0.5) / CELL as f32 - 0.5).clamp(0.0, (n - 1) as f32);
-        let (x, y) = (place(x, self.columns), place(y, self.rows));
-        let (x0, y0) = (x as usize, y as usize);
-        let (x1, y1) = ((x0 + 1).min(self.columns - 1), (y0 + 1).min(self.rows - 1));
-        let (fx, fy) = (x - x0 as f32, y - y0 as f32);
-        let value = |x: usize, y: usize| self.values[y * self.columns + x];
-        let upper = value(x0, y0) + fx * (value(x1, y0) - value(x0, y0));
-        let lower = value(x0, y1) + fx * (value(x1, y1) - value(x0, y1));
-        upper + fy * (lower - upper)
+        let among_cells = |x: usize| (x as f32 + 0.5) / CELL as f32 - 0.5;
+        let cell = Cell::clamped(among_cells(x), among_cells(y), self.columns, self.rows);
+        bilinear_by_differences(cell.corners(|x, y| self.values[y * self.columns + x]), cell.fx, cell.fy)
     }
 }
 

@@ -10,8 +10,9 @@ use super::refine_disparity::refine_disparity;
 use super::sample_set::SampleSet;
 use super::view_disparities::{ViewDisparities, view_offset};
 use crate::Error;
-use crate::disparity::{self, DepthOrder, Disparity, Plane, carry_plane_to_view};
+use crate::disparity::{self, DepthOrder, Disparity, carry_plane_to_view};
 use crate::error::ensure_shape;
+use lenslet_core::image::Plane;
 
 /// Estimates the middle view's disparity, unless `options.known` gives it, and carries it to all views.
 ///
@@ -97,7 +98,7 @@ fn estimate_depth_order(central: &Plane, grid: &[Vec<Plane>], scale: [f32; 2], v
                     let (x, y) = (s as f32 - d * offset[0] / scale[0], t as f32 - d * offset[1] / scale[1]);
                     let place = |x: f32, y: f32| ((x + 0.5) * ratio[0] - 0.5, (y + 0.5) * ratio[1] - 0.5);
                     let (a, b) = (place(x, y), place(s as f32, t as f32));
-                    *e += f64::from((reference.at(a.0, a.1) - grid[v][u].at(b.0, b.1)).abs());
+                    *e += f64::from((reference.bilinear_at(a.0, a.1) - grid[v][u].bilinear_at(b.0, b.1)).abs());
                 }
             }
         }

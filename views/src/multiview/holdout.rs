@@ -1,7 +1,8 @@
 //! A score with no ground truth: hide some lenslets of a real capture, render from the rest, measure where they were.
 
 use lenslet_core::decode::HexSamples;
-use lenslet_core::sampling::bicubic;
+use lenslet_core::geometry::SensorToView;
+use lenslet_core::sampling::bicubic::bicubic_at;
 use ndarray::{Array3, Axis};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -63,7 +64,7 @@ pub fn hidden_score<E: From<Error>>(
         "the rendered view has another size: {:?}",
         image.dim()
     );
-    let (fx, fy) = (target.width as f64 / samples.sensor.0 as f64, target.height as f64 / samples.sensor.1 as f64);
+    let map = SensorToView::new(samples.sensor, (target.width, target.height));
     let margin = 2.0 * mean_pitch(samples);
     let (mut sum, mut count) = (0f64, 0usize);
     let mut found = vec![0f32; channels];
@@ -72,7 +73,8 @@ pub fn hidden_score<E: From<Error>>(
         if !(inside(c[0], samples.sensor.0) && inside(c[1], samples.sensor.1)) {
             continue;
         }
-        bicubic::at(image.view(), (c[0] + 0.5) * fx - 0.5, (c[1] + 0.5) * fy - 0.5, &mut found);
+        let [x, y] = map.to_view(*c);
+        bicubic_at(image.view(), x, y, &mut found);
         for (l, f) in found.iter().enumerate() {
             sum += f64::from(f - samples.values[[index, k, l]]).powi(2);
         }

@@ -1,5 +1,7 @@
 //! Where the samples of all views lie in one view, by the disparity of their surfaces, and how much each counts there.
 
+use lenslet_core::image::bilinear_shares;
+
 use super::sample_set::SampleSet;
 use super::view_disparities::{ViewDisparities, view_offset};
 
@@ -23,8 +25,7 @@ impl Ray {
     /// Shares of the four pixels.
     #[inline]
     pub(super) fn shares(&self) -> [f32; 4] {
-        let (fx, fy) = (self.fx, self.fy);
-        [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy]
+        bilinear_shares(self.fx, self.fy)
     }
 
     /// What is left of the sample when the image is taken away; the lane of the weight is 0.

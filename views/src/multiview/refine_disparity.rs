@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::sample_set::SampleSet;
 use super::view_disparities::{ViewDisparities, view_offset};
-use crate::disparity::Plane;
+use lenslet_core::image::{Plane, bilinear_shares, bilinear_with_slopes};
 
 /// Rounds of fitting the image and correcting the disparity.
 ///
@@ -190,7 +190,7 @@ fn fit(light: &[f32], rays: &[Ray], w: usize, h: usize) -> Plane {
             w * h,
             |ray, sums: &mut [[f32; 2]]| {
                 let Some((k, fx, fy)) = cell(ray, w, h) else { return };
-                let b = [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy];
+                let b = bilinear_shares(fx, fy);
                 let r = light[ray.sample as usize]
                     - (b[0] * image[k] + b[1] * image[k + 1] + b[2] * image[k + w] + b[3] * image[k + w + 1]);
                 for (b, at) in b.into_iter().zip([k, k + 1, k + w, k + w + 1]) {
@@ -212,10 +212,9 @@ fn fit(light: &[f32], rays: &[Ray], w: usize, h: usize) -> Plane {
 fn residual(light: &[f32], ray: &Ray, image: &Plane) -> Option<(f32, f32, f32)> {
     let w = image.width;
     let (k, fx, fy) = cell(ray, w, image.height)?;
-    let [a, b, c, d] = [image.data[k], image.data[k + 1], image.data[k + w], image.data[k + w + 1]];
-    let (upper, lower) = (a + fx * (b - a), c + fx * (d - c));
-    let slope = [(1.0 - fy) * (b - a) + fy * (d - c), lower - upper];
-    Some((light[ray.sample as usize] - (upper + fy * (lower - upper)), slope[0], slope[1]))
+    let corners = [image.data[k], image.data[k + 1], image.data[k + w], image.data[k + w + 1]];
+    let [value, dx, dy] = bilinear_with_slopes(corners, fx, fy);
+    Some((light[ray.sample as usize] - value, dx, dy))
 }
 
 /// Beyond this a sample hardly counts: three times the usual misfit.

@@ -1,12 +1,14 @@
 //! All samples of all views, wherever they come from, and how one view alone would be interpolated.
 
+use lenslet_core::colour::LUMINANCE;
 use lenslet_core::decode::HexSamples;
+use lenslet_core::geometry::SensorToView;
+use lenslet_core::image::Plane;
 use lenslet_core::lightfield::LightField;
 use lenslet_core::sampling::{Cubic, bicubic};
 use ndarray::{Array3, ArrayView1, ArrayView3, Axis, CowArray, Ix3};
 
 use crate::Error;
-use crate::disparity::{LUMINANCE, Plane};
 use crate::error::ensure_shape;
 use crate::target::{Target, mean_pitch};
 
@@ -56,13 +58,9 @@ impl<'a> SampleSet<'a> {
         );
         let single_view =
             SingleView::Mesh(Cubic::new(&samples.centres, samples.sensor, (target.width, target.height))?);
-        let (fx, fy) = (target.width as f64 / samples.sensor.0 as f64, target.height as f64 / samples.sensor.1 as f64);
-        let points = samples
-            .centres
-            .iter()
-            .map(|c| [((c[0] + 0.5) * fx - 0.5) as f32, ((c[1] + 0.5) * fy - 0.5) as f32])
-            .collect();
-        let pitch = (mean_pitch(samples) * fx) as f32;
+        let map = SensorToView::new(samples.sensor, (target.width, target.height));
+        let points = samples.centres.iter().map(|&c| map.to_view(c).map(|p| p as f32)).collect();
+        let pitch = (mean_pitch(samples) * map.scale()[0]) as f32;
         Self::checked(
             samples.views,
             samples.views,
@@ -162,7 +160,7 @@ impl<'a> SampleSet<'a> {
                 if (*width, *height) == (self.target.width, self.target.height) {
                     return Ok(image.to_owned());
                 }
-                Ok(bicubic::resize(image.view(), self.target.width, self.target.height)?)
+                Ok(bicubic::resize_bicubic(image.view(), self.target.width, self.target.height)?)
             }
         }
     }
@@ -258,5 +256,5 @@ fn shrink(image: ArrayView3<f32>, width: usize, height: usize) -> Result<Array3<
     if image.dim() == (height, width, image.dim().2) {
         return Ok(image.to_owned());
     }
-    Ok(bicubic::resize(image, width, height)?)
+    Ok(bicubic::resize_bicubic(image, width, height)?)
 }

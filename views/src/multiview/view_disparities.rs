@@ -1,6 +1,8 @@
 //! Disparity of every view on a common working grid.
 
-use crate::disparity::{DepthOrder, Disparity, Plane};
+use lenslet_core::image::{Cell, Plane, bilinear_by_differences};
+
+use crate::disparity::{DepthOrder, Disparity};
 
 /// Disparity maps of all views on a common working grid.
 pub struct ViewDisparities {
@@ -33,25 +35,16 @@ impl ViewDisparities {
     #[inline]
     pub(super) fn at(&self, k: usize, x: f32, y: f32) -> f32 {
         let map = &self.maps[k];
-        let mx = ((x + 0.5) / self.scale[0] - 0.5).clamp(0.0, (map.width - 1) as f32);
-        let my = ((y + 0.5) / self.scale[1] - 0.5).clamp(0.0, (map.height - 1) as f32);
-        let (x0, y0) = (mx as usize, my as usize);
-        let (x1, y1) = ((x0 + 1).min(map.width - 1), (y0 + 1).min(map.height - 1));
-        let (fx, fy) = (mx - x0 as f32, my - y0 as f32);
-        let q = [
-            map.data[y0 * map.width + x0],
-            map.data[y0 * map.width + x1],
-            map.data[y1 * map.width + x0],
-            map.data[y1 * map.width + x1],
-        ];
+        let mx = (x + 0.5) / self.scale[0] - 0.5;
+        let my = (y + 0.5) / self.scale[1] - 0.5;
+        let cell = Cell::clamped(mx, my, map.width, map.height);
+        let q = cell.corners(|x, y| map.data[y * map.width + x]);
         let lo = q[0].min(q[1]).min(q[2].min(q[3]));
         let hi = q[0].max(q[1]).max(q[2].max(q[3]));
         if hi - lo < EDGE {
-            let upper = q[0] + fx * (q[1] - q[0]);
-            let lower = q[2] + fx * (q[3] - q[2]);
-            upper + fy * (lower - upper)
+            bilinear_by_differences(q, cell.fx, cell.fy)
         } else {
-            q[2 * usize::from(fy > 0.5) + usize::from(fx > 0.5)]
+            q[2 * usize::from(cell.fy > 0.5) + usize::from(cell.fx > 0.5)]
         }
     }
 }

@@ -80,8 +80,8 @@ mod tests {
     use crate::reconstruct::measurements::encoded_luminance;
     use crate::reconstruct::{Options, embedded};
     use crate::target::Target;
+    use lenslet_core::colour::luminance;
     use lenslet_core::lightfield::Linear;
-    use lenslet_core::metrics::luminance;
     use ndarray::{Array2, Array3};
 
     /// A view of stripes and discs through lenslets three and a bit pixels apart.

@@ -1,7 +1,8 @@
 //! Colours of reconstructed views, guided by their luminance: colour differences follow the luminance by the guided filter
 //! (He, Sun, Tang 2013), and what they show beside it stays as far as it is more than noise (Wiener, locally).
 
-use lenslet_core::metrics::LUMINANCE;
+use lenslet_core::colour::LUMINANCE;
+use lenslet_core::image::box_mean_in_bands;
 use ndarray::{Array2, Array3, Axis};
 use rayon::prelude::*;
 
@@ -66,21 +67,21 @@ fn clamped(v: f32) -> f32 {
 fn smooth(guide: &Array2<f32>, differences: [Array2<f32>; 2], radius: usize) -> [Array2<f32>; 2] {
     let finite = |v: f32| if v.is_finite() { v } else { 0.0 };
     let guide = guide.mapv(finite);
-    let mean = boxed(guide.clone(), radius);
-    let mut variance = boxed(&guide * &guide, radius);
+    let mean = box_mean_in_bands(guide.clone(), radius);
+    let mut variance = box_mean_in_bands(&guide * &guide, radius);
     variance.zip_mut_with(&mean, |v, m| *v = (*v - m * m).max(0.0));
     let followed: Vec<(Array2<f32>, Array2<f32>)> = differences
         .into_par_iter()
         .map(|difference| {
             let difference = difference.mapv(finite);
-            let level = boxed(difference.clone(), radius);
-            let mut slope = boxed(&guide * &difference, radius);
+            let level = box_mean_in_bands(difference.clone(), radius);
+            let mut slope = box_mean_in_bands(&guide * &difference, radius);
             ndarray::Zip::from(&mut slope).and(&mean).and(&level).and(&variance).for_each(|s, m, l, v| {
                 *s = (*s - m * l) / (v + EPSILON);
             });
             let mut offset = level;
             ndarray::Zip::from(&mut offset).and(&slope).and(&mean).for_each(|o, s, m| *o -= s * m);
-            let (slope, mut guided) = (boxed(slope, radius), boxed(offset, radius));
+            let (slope, mut guided) = (box_mean_in_bands(slope, radius), box_mean_in_bands(offset, radius));
             ndarray::Zip::from(&mut guided).and(&slope).and(&guide).for_each(|g, s, i| *g += s * i);
             let left = difference - &guided;
             (guided, left)
@@ -93,7 +94,7 @@ fn smooth(guide: &Array2<f32>, differences: [Array2<f32>; 2], radius: usize) -> 
         let g = (wr * r + wb * b) / wg;
         *e = r * r + b * b + g * g;
     });
-    let energy = boxed(energy, AROUND);
+    let energy = box_mean_in_bands(energy, AROUND);
     let noise = noise(&guide, &energy);
     let share = ndarray::Zip::from(&energy).and(&guide).map_collect(|&e, &i| {
         let n = noise[step(i)];
@@ -128,67 +129,10 @@ fn noise(guide: &Array2<f32>, energy: &Array2<f32>) -> [f32; STEPS] {
     })
 }
 
-/// Rows whose means are made together; fixed, so that running sums do not depend on threads.
-const BAND: usize = 64;
-
-/// Means over windows of 2·`radius` + 1 pixels a side, of what lies within the plane.
-fn boxed(mut plane: Array2<f32>, radius: usize) -> Array2<f32> {
-    let (h, w) = plane.dim();
-    if h == 0 || w == 0 {
-        return plane;
-    }
-    plane.axis_chunks_iter_mut(Axis(0), BAND).into_par_iter().for_each(|mut band| {
-        let mut line = vec![0.0; w];
-        for mut row in band.rows_mut() {
-            if let Some(row) = row.as_slice_mut() {
-                means(row, radius, &mut line);
-                row.copy_from_slice(&line);
-            }
-        }
-    });
-    // Down the columns a row at a time.
-    let mut out = Array2::zeros((h, w));
-    out.axis_chunks_iter_mut(Axis(0), BAND).into_par_iter().enumerate().for_each(|(k, mut band)| {
-        let first = k * BAND;
-        let mut sums = vec![0.0f32; w];
-        let add = |sums: &mut [f32], y: usize, sign: f32| {
-            sums.iter_mut().zip(plane.row(y)).for_each(|(s, v)| *s += sign * v);
-        };
-        for y in first.saturating_sub(radius)..(first + radius).min(h) {
-            add(&mut sums, y, 1.0);
-        }
-        for (y, mut row) in (first..).zip(band.rows_mut()) {
-            if y + radius < h {
-                add(&mut sums, y + radius, 1.0);
-            }
-            if y > first && y > radius {
-                add(&mut sums, y - radius - 1, -1.0);
-            }
-            let count = ((y + radius).min(h - 1) + 1 - y.saturating_sub(radius)) as f32;
-            row.iter_mut().zip(&sums).for_each(|(o, s)| *o = s / count);
-        }
-    });
-    out
-}
-
-fn means(row: &[f32], radius: usize, out: &mut [f32]) {
-    let n = row.len();
-    let mut sum: f32 = row[..radius.min(n)].iter().sum();
-    for x in 0..n {
-        if x + radius < n {
-            sum += row[x + radius];
-        }
-        if x > radius {
-            sum -= row[x - radius - 1];
-        }
-        out[x] = sum / ((x + radius).min(n - 1) + 1 - x.saturating_sub(radius)) as f32;
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lenslet_core::metrics::luminance;
+    use lenslet_core::colour::luminance;
     use rand::rngs::ChaCha8Rng;
     use rand::{RngExt, SeedableRng};
 
@@ -255,19 +199,5 @@ mod tests {
             with_luminance(&Array3::zeros((0, 5, 3)), &Array2::zeros((0, 5)), &Array2::zeros((0, 5)), 3).dim(),
             (0, 5, 3)
         );
-    }
-
-    #[test]
-    fn window_means_equal_their_definition() {
-        let plane = Array2::from_shape_fn((150, 12), |(y, x)| ((5 * y + 3 * x * x) % 13) as f32);
-        for radius in [1, 3, 20, 70] {
-            let found = boxed(plane.clone(), radius);
-            for ((y, x), v) in found.indexed_iter() {
-                let rows = y.saturating_sub(radius)..(y + radius + 1).min(150);
-                let columns = x.saturating_sub(radius)..(x + radius + 1).min(12);
-                let part = plane.slice(ndarray::s![rows, columns]);
-                assert!((v - part.mean().unwrap()).abs() < 1e-4);
-            }
-        }
     }
 }

@@ -34,7 +34,7 @@ impl Enlargement {
     fn apply(self, view: Array3<f32>) -> Result<Array3<f32>, Error> {
         let (h, w, _) = view.dim();
         let [rows, columns] = self.size([h, w]);
-        if (rows, columns) == (h, w) { Ok(view) } else { Ok(bicubic::resize(view.view(), columns, rows)?) }
+        if (rows, columns) == (h, w) { Ok(view) } else { Ok(bicubic::resize_bicubic(view.view(), columns, rows)?) }
     }
 }
 

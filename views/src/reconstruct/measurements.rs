@@ -1,10 +1,10 @@
 //! What was measured in every view: samples at their places, their noise, and how a view is moved towards them.
 
+use lenslet_core::colour::{LUMINANCE, srgb_encode};
 use lenslet_core::decode::HexSamples;
 use lenslet_core::dictionary::Footprint;
+use lenslet_core::geometry::SensorToView;
 use lenslet_core::interpolation::Interpolation;
-use lenslet_core::lightfield::colour;
-use lenslet_core::metrics::LUMINANCE;
 use lenslet_core::sampling::Cubic;
 use ndarray::{Array2, ArrayView2, Axis};
 
@@ -50,9 +50,7 @@ impl Measurements {
         noise: Option<f32>,
         alone: &[Interpolation],
     ) -> Result<Self, Error> {
-        let (fx, fy) = (size.0 as f64 / samples.sensor.0 as f64, size.1 as f64 / samples.sensor.1 as f64);
-        let centres: Vec<[f64; 2]> =
-            samples.centres.iter().map(|c| [(c[0] + 0.5) * fx - 0.5, (c[1] + 0.5) * fy - 0.5]).collect();
+        let centres = SensorToView::new(samples.sensor, size).all_to_view(&samples.centres);
         let neighbours = Neighbours::new(&centres)?;
         let cubic = if alone.contains(&Interpolation::Cubic) { Some(Cubic::new(&centres, size, size)?) } else { None };
         Ok(Measurements {
@@ -71,7 +69,7 @@ impl Measurements {
         if let Some(sigma) = self.given {
             return Ok(Noise::constant(sigma));
         }
-        let encode = |v: f32| colour::encode(v.clamp(0.0, 1.0));
+        let encode = |v: f32| srgb_encode(v.clamp(0.0, 1.0));
         let colours: Option<Vec<f32>> =
             (values.ncols() == 3).then(|| values.rows().into_iter().map(|v| encode(v[0]) - encode(v[1])).collect());
         Ok(Noise::estimate(&encoded_luminance(values)?, colours.as_deref(), &self.neighbours))
@@ -128,7 +126,7 @@ impl Measurements {
 pub(super) fn encoded_luminance(values: ArrayView2<'_, f32>) -> Result<Vec<f32>, Error> {
     let channels = values.ncols();
     ensure_shape!(channels == 1 || channels == 3, "samples of {channels} channels: 1 or 3 are needed");
-    let encode = |v: f32| colour::encode(v.clamp(0.0, 1.0));
+    let encode = |v: f32| srgb_encode(v.clamp(0.0, 1.0));
     Ok(values
         .rows()
         .into_iter()

@@ -7,7 +7,8 @@
 //! then the root mean square of r over the sample and its neighbours. Among samples of a brightness, the lowest of these
 //! come from places with nothing but noise.
 
-use lenslet_core::sampling::{self, triangulate};
+use lenslet_core::geometry::triangulate;
+use lenslet_core::sampling;
 
 /// Steps of brightness.
 ///
@@ -143,10 +144,7 @@ mod tests {
         let centres = lattice(110);
         let neighbours = Neighbours::new(&centres).unwrap();
         let mut rng = ChaCha8Rng::seed_from_u64(3);
-        let mut normal = || {
-            let (u, v) = (1.0 - rng.random::<f64>(), rng.random::<f64>());
-            ((-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()) as f32
-        };
+        let mut normal = || lenslet_core::random::standard_normal(&mut rng) as f32;
         // Half of it flat at two levels with noise of their own, half textured.
         for (dark, bright) in [(0.02f32, 0.005f32), (0.01, 0.03)] {
             let values: Vec<f32> = centres

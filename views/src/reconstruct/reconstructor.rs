@@ -1,9 +1,9 @@
 //! A dictionary's model made ready for views (eq. (4) on luminance, colours guided by it).
 
+use lenslet_core::colour::luminance;
 use lenslet_core::dictionary::{self, Dictionary, PlaneReconstructor, ReconstructionOptions};
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{Srgb, View};
-use lenslet_core::metrics::luminance;
 use ndarray::{Array2, Array3, ArrayView2};
 
 use super::guided;

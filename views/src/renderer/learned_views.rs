@@ -101,7 +101,7 @@ impl<'a> LearnedViews<'a> {
         if self.working == self.target {
             return Ok(sharp.decode());
         }
-        let mut pixels = bicubic::resize(sharp.pixels().view(), self.target.width, self.target.height)?;
+        let mut pixels = bicubic::resize_bicubic(sharp.pixels().view(), self.target.width, self.target.height)?;
         pixels.mapv_inplace(|p| p.clamp(0.0, 1.0));
         Ok(View::<lenslet_core::lightfield::Srgb>::new(pixels).decode())
     }

@@ -6,11 +6,11 @@ use crate::calibration::centres::measure::measure_lenslets;
 use crate::calibration::centres::measured::{self, MeasuredLenslet};
 use crate::calibration::centres::predicted::PredictedLenslet;
 use crate::calibration::error::Error;
-use crate::calibration::lattice;
 use crate::calibration::locate::{self, LocatedLenslets};
 use crate::calibration::photometric::hot_pixels;
 use crate::calibration::screening::Screened;
 use crate::calibration::smoothing::shrink;
+use crate::geometry::Size;
 use crate::progress::Observer;
 
 /// Largest misfit of a lenslet in one capture, relative to the typical one.
@@ -43,7 +43,9 @@ pub fn weigh_by_agreement(
         found.lenslets.retain(|l| l.x >= 0.0 && l.y >= 0.0 && l.x <= right && l.y <= bottom);
         return Ok(());
     }
-    let sites: Vec<PredictedLenslet> = lattice::indices(&grid, width, height, 1.0)
+    let sites: Vec<PredictedLenslet> = grid
+        .points_within(Size::new(width, height), 1.0)
+        .index
         .into_iter()
         .map(|[i, j]| {
             let [x, y] = grid.centre(i, j);

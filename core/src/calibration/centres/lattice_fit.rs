@@ -3,8 +3,8 @@
 //! comes with it, since a and b are free. Solved by iteratively reweighted least squares.
 
 use super::measured::MeasuredLenslet;
-use crate::calibration::linear;
 use crate::calibration::model::Lattice;
+use crate::linalg::solve_small;
 
 /// Tukey's constant, in standard deviations: 95 % efficiency on Gaussian errors.
 /// Source: Holland and Welsch 1977, "Robust regression using iteratively reweighted least-squares"
@@ -52,7 +52,7 @@ pub fn fit_lattice(start: &Lattice, measured: &[MeasuredLenslet]) -> Lattice {
                 right[1][r] += w * row[r] * ry;
             }
         }
-        let (Some(fx), Some(fy)) = (linear::solve(normal, right[0]), linear::solve(normal, right[1])) else {
+        let (Some(fx), Some(fy)) = (solve_small(normal, right[0]), solve_small(normal, right[1])) else {
             return lattice;
         };
         for (k, f) in [fx, fy].into_iter().enumerate() {

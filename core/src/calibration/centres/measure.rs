@@ -8,8 +8,8 @@ use rayon::prelude::*;
 use super::measured::MeasuredLenslet;
 use super::predicted::PredictedLenslet;
 use super::profile::MicroImageProfile;
-use crate::calibration::linear;
 use crate::calibration::sensor_image::SensorImage;
+use crate::linalg::solve_small;
 
 /// Read noise relative to shot noise at the centre of a lenslet: a pixel's variance is taken as ∝ T + `READ_NOISE`.
 /// Source: chosen
@@ -102,7 +102,7 @@ fn measure_lenslet(
     }
     let s = s.map(f64::from);
     let matrix = [[s[0], s[1], s[2]], [s[1], s[3], s[4]], [s[2], s[4], s[5]]];
-    let Some([g, px, py]) = linear::solve(matrix, [s[6], s[7], s[8]]) else { return out };
+    let Some([g, px, py]) = solve_small(matrix, [s[6], s[7], s[8]]) else { return out };
     if g.is_nan() || g <= 0.0 || count < 6 {
         return out;
     }
@@ -113,7 +113,7 @@ fn measure_lenslet(
     for k in 0..2 {
         let mut unit = [0f64; 3];
         unit[k + 1] = 1.0;
-        match linear::solve(matrix, unit) {
+        match solve_small(matrix, unit) {
             Some(column) => out.unit[k] = column[k + 1],
             None => return out,
         }

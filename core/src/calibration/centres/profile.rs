@@ -5,8 +5,8 @@
 use rayon::prelude::*;
 
 use super::predicted::PredictedLenslet;
-use crate::calibration::linear;
 use crate::calibration::sensor_image::SensorImage;
+use crate::linalg::solve_small;
 
 /// Degree of the profile in r².
 /// Source: chosen
@@ -103,6 +103,6 @@ pub fn fit_profile(image: &SensorImage, sites: &[PredictedLenslet], radius: f64)
             right[k] += r[k];
         }
     }
-    let terms = linear::solve(normal, right)?;
+    let terms = solve_small(normal, right)?;
     (terms[0] > 0.0).then(|| MicroImageProfile { terms: terms.map(|t| t / terms[0]), radius })
 }

@@ -18,11 +18,10 @@ mod white;
 use std::io::{Read, Write};
 use std::path::Path;
 
-use sha2::{Digest, Sha256};
-
 use self::header::{FIGURES, Header, check_lattice, figures, item_bytes, white_pixels};
 use super::error::Error;
 use super::model::{Calibration, CalibrationQuality, Lattice, Lenslet, Vignetting};
+use crate::digest::sha256_hex;
 
 const MAGIC: &[u8; 8] = b"LENSCAL\0";
 /// Newest format version read, and the one written.
@@ -75,7 +74,7 @@ pub fn save(path: &Path, calibration: &Calibration, force: bool) -> Result<(), E
         quality: calibration.quality.clone(),
         origin: calibration.origin.clone(),
         payload_bytes: payload.len(),
-        payload_sha256: hex(&Sha256::digest(&payload)),
+        payload_sha256: sha256_hex(&payload),
     };
     let io = |e: std::io::Error| Error::Output(crate::output::Error::Io { path: path.to_path_buf(), source: e });
     let json = serde_json::to_vec(&header).map_err(|e| io(e.into()))?;
@@ -138,7 +137,7 @@ fn parse(mut file: impl Read, path: &str) -> Result<Calibration, Error> {
     if payload.len() != header.payload_bytes {
         return Err(bad("it ends within its payload"));
     }
-    if hex(&Sha256::digest(&payload)) != header.payload_sha256 {
+    if sha256_hex(&payload) != header.payload_sha256 {
         return Err(bad("its payload does not match its checksum"));
     }
     let n = header.lenslets;
@@ -182,10 +181,6 @@ fn check_header(header: &Header, version: u32) -> Result<usize, &'static str> {
         return Err("its payload has not the size its header asks for");
     }
     Ok(pixels)
-}
-
-fn hex(digest: &[u8]) -> String {
-    digest.iter().map(|b| format!("{b:02x}")).collect()
 }
 
 #[cfg(test)]

@@ -6,10 +6,10 @@ use rayon::prelude::*;
 
 use super::rotation::{Fundamentals, lattice_vectors};
 use crate::calibration::error::Error;
-use crate::calibration::lattice::centred;
-use crate::calibration::linear;
 use crate::calibration::model::Lattice;
 use crate::calibration::sensor_image::SensorImage;
+use crate::geometry::Size;
+use crate::linalg::solve_small;
 
 /// Most tiles a side.
 /// Source: chosen
@@ -131,7 +131,8 @@ pub fn fit_phases(image: &SensorImage, start: &Fundamentals) -> Result<PhaseFit,
         middle[0] + (turns[0] * f[1][1] - turns[1] * f[0][1]) / det,
         middle[1] + (f[0][0] * turns[1] - f[1][0] * turns[0]) / det,
     ];
-    Ok(PhaseFit { lattice: centred(Lattice { grid, origin: c, a, b }, image.width, image.height), coherence })
+    let lattice = Lattice { grid, origin: c, a, b }.centred_on(Size::new(image.width, image.height));
+    Ok(PhaseFit { lattice, coherence })
 }
 
 /// Phasors of one tile at both frequencies, unit length, phases referred to the sensor's centre.
@@ -251,7 +252,7 @@ fn fit_phase_plane(tiles: &[Tile], w: usize, nx: usize, ny: usize) -> PhasePlane
         let matrix = [[n, sx, sy], [sx, sxx, sxy], [sy, sxy, syy]];
         if nx > 1
             && ny > 1
-            && let Some(fit) = linear::solve(matrix, [r, rx, ry])
+            && let Some(fit) = solve_small(matrix, [r, rx, ry])
         {
             slope[0] += fit[1];
             slope[1] += fit[2];

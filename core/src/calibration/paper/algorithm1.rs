@@ -11,11 +11,11 @@ use crate::calibration::centres::lattice_fit;
 use crate::calibration::centres::measured::MeasuredLenslet;
 use crate::calibration::error::Error;
 use crate::calibration::fundamentals::{phase, rotation, spectrum};
-use crate::calibration::lattice;
 use crate::calibration::model::{Lattice, Lenslet};
 use crate::calibration::photometric::equalise;
 use crate::calibration::sensor_image::SensorImage;
 use crate::container::Capture;
+use crate::geometry::Size;
 use crate::progress::Observer;
 
 /// Radius of the eroding disc, in pitches.
@@ -122,7 +122,7 @@ pub fn run_algorithm1<C: Borrow<Capture>>(captures: &[C], observer: &dyn Observe
         return Err(Error::NoPattern { reason: format!("only {} lenslets were found", measured.len()) });
     }
     let fitted = lattice_fit::fit_lattice(&guess, &measured);
-    let grid = lattice::centred(fitted, width, height);
+    let grid = fitted.centred_on(Size::new(width, height));
     let moved = fitted.coordinates(grid.origin[0], grid.origin[1]).map(|v| v.round() as i32);
     let mut found = std::collections::BTreeMap::new();
     let mut sum = 0.0;
@@ -131,7 +131,9 @@ pub fn run_algorithm1<C: Borrow<Capture>>(captures: &[C], observer: &dyn Observe
         sum += (m.x - at[0]).powi(2) + (m.y - at[1]).powi(2);
         found.insert((m.j - moved[1], m.i - moved[0]), [m.x, m.y]);
     }
-    let lenslets = lattice::indices(&grid, width, height, 0.0)
+    let lenslets = grid
+        .points_within(Size::new(width, height), 0.0)
+        .index
         .into_iter()
         .map(|[i, j]| {
             let at = grid.centre(i, j);

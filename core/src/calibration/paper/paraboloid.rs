@@ -1,8 +1,8 @@
 //! Algorithm 1, "fit paraboloid" (figure 6b): min over the six coefficients of Σ (I(x, y) − c0 − c1·x − c2·y − c3·x² −
 //! c4·xy − c5·y²)² over a small square around a local maximum; its top is the sub-pixel centre.
 
-use crate::calibration::linear;
 use crate::calibration::sensor_image::SensorImage;
+use crate::linalg::solve_small;
 
 /// Top of the least-squares paraboloid over the (2·`reach`+1)² pixels around (`x`, `y`); `None` at the border, where
 /// the paraboloid has no top, or where the top lies more than a pixel and a half away.
@@ -25,7 +25,7 @@ pub fn paraboloid_top(image: &SensorImage, x: usize, y: usize, reach: usize) -> 
             }
         }
     }
-    let [_, c1, c2, c3, c4, c5] = linear::solve(normal, right)?;
+    let [_, c1, c2, c3, c4, c5] = solve_small(normal, right)?;
     // A top, not a saddle or a bottom.
     let det = 4.0 * c3 * c5 - c4 * c4;
     if det <= 1e-12 || c3 >= 0.0 {

@@ -4,6 +4,7 @@
 use rayon::prelude::*;
 
 use crate::calibration::sensor_image::SensorImage;
+use crate::image::bilinear_by_weights;
 
 /// The position in the unrotated image of a point of the rotated one: rotation by `angle` (radians, clockwise on
 /// screen) about the centre of an image of `width`×`height` pixels.
@@ -28,9 +29,8 @@ pub fn rotate_image(image: &SensorImage, angle: f64) -> SensorImage {
             }
             let (x0, y0) = ((sx as usize).min(width - 2), (sy as usize).min(height - 2));
             let (fx, fy) = ((sx - x0 as f64) as f32, (sy - y0 as f64) as f32);
-            let top = image.at(x0, y0) * (1.0 - fx) + image.at(x0 + 1, y0) * fx;
-            let bottom = image.at(x0, y0 + 1) * (1.0 - fx) + image.at(x0 + 1, y0 + 1) * fx;
-            *out = top * (1.0 - fy) + bottom * fy;
+            let corners = [image.at(x0, y0), image.at(x0 + 1, y0), image.at(x0, y0 + 1), image.at(x0 + 1, y0 + 1)];
+            *out = bilinear_by_weights(corners, fx, fy);
         }
     });
     SensorImage { width, height, data, limit: image.limit }

@@ -2,10 +2,10 @@
 
 use super::algorithm1;
 use crate::calibration::error::Error;
-use crate::calibration::lattice;
 use crate::calibration::model::{Calibration, CalibrationQuality, Grid, Lattice, Lenslet};
 use crate::calibration::options::CalibrationVariant;
 use crate::container::Capture;
+use crate::geometry::Size;
 use crate::progress::Observer;
 
 /// Replaces lattice and centres of a full calibration by those of `variant`; `captures` are what it was made from.
@@ -24,7 +24,7 @@ pub fn apply_variant(
             let [x, y] = grid.centre(i, j);
             Lenslet { i, j, x, y, trust: 0.0 }
         };
-        lattice::indices(&grid, width, height, 0.0).into_iter().map(place).collect()
+        grid.points_within(Size::new(width, height), 0.0).index.into_iter().map(place).collect()
     };
     match variant {
         CalibrationVariant::Full => return Ok(()),
@@ -74,7 +74,7 @@ pub fn ideal_lattice(found: &Lattice, pitch: f64, rotation: f64, width: usize, h
         _ => 60f64.to_radians().sin_cos(),
     };
     let b = [c * a[0] - s * a[1], s * a[0] + c * a[1]];
-    lattice::centred(Lattice { grid: found.grid, origin: found.origin, a, b }, width, height)
+    Lattice { grid: found.grid, origin: found.origin, a, b }.centred_on(Size::new(width, height))
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use crate::calibration::model::{Lattice, Vignetting};
 use crate::calibration::sensor_image::SensorImage;
+use crate::image::{bilinear_by_weights, bilinear_shares};
 
 /// Fixed-point value of 1.0.
 const ONE: f32 = 32768.0;
@@ -80,9 +81,8 @@ pub fn vignetting_from_captures(pattern: &SensorImage, lattice: &Lattice) -> Vig
                 let region = r * REGIONS + c;
                 sample_micro_image(&images[region], steps, u, w) / tops[region]
             };
-            let top = of(r0, c0) * (1.0 - fx) + of(r0, c1) * fx;
-            let bottom = of(r1, c0) * (1.0 - fx) + of(r1, c1) * fx;
-            *out = to_fixed_point((top * (1.0 - fy) + bottom * fy) * ONE);
+            let corners = [of(r0, c0), of(r0, c1), of(r1, c0), of(r1, c1)];
+            *out = to_fixed_point(bilinear_by_weights(corners, fx, fy) * ONE);
         }
     });
     Vignetting { width, height, white }
@@ -100,12 +100,9 @@ fn bilinear_bins(steps: usize, u: f64, w: f64) -> [(usize, f32); 4] {
     let (u0, w0) = (pu as usize, pw as usize);
     let (fu, fw) = ((pu - u0 as f64) as f32, (pw - w0 as f64) as f32);
     let at = |w: usize, u: usize| (w % steps) * steps + u % steps;
-    [
-        (at(w0, u0), (1.0 - fu) * (1.0 - fw)),
-        (at(w0, u0 + 1), fu * (1.0 - fw)),
-        (at(w0 + 1, u0), (1.0 - fu) * fw),
-        (at(w0 + 1, u0 + 1), fu * fw),
-    ]
+    let bins = [at(w0, u0), at(w0, u0 + 1), at(w0 + 1, u0), at(w0 + 1, u0 + 1)];
+    let shares = bilinear_shares(fu, fw);
+    std::array::from_fn(|k| (bins[k], shares[k]))
 }
 
 fn sample_micro_image(image: &[f32], steps: usize, u: f64, w: f64) -> f32 {

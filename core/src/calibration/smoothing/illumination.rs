@@ -3,7 +3,8 @@
 //! towards the sensor's centre, so measuring divides by it.
 
 use crate::calibration::centres::measured::MeasuredLenslet;
-use crate::calibration::linear;
+use crate::image::{Cell, bilinear_by_weights};
+use crate::linalg::solve_small;
 
 /// Terms of the polynomial: degree 4 in x and y.
 /// Source: chosen
@@ -86,14 +87,8 @@ impl Illumination {
 
     /// The residual grid at (`x`, `y`): bilinear between the cells' centres, constant beyond the border.
     fn rest_at(&self, x: f64, y: f64) -> f64 {
-        let u = (x / self.cell - 0.5).clamp(0.0, (self.columns - 1) as f64);
-        let v = (y / self.cell - 0.5).clamp(0.0, (self.rows - 1) as f64);
-        let (c, r) = (u as usize, v as usize);
-        let (c1, r1) = ((c + 1).min(self.columns - 1), (r + 1).min(self.rows - 1));
-        let (fu, fv) = (u - c as f64, v - r as f64);
-        let value = |r: usize, c: usize| self.values[r * self.columns + c];
-        (value(r, c) * (1.0 - fu) + value(r, c1) * fu) * (1.0 - fv)
-            + (value(r1, c) * (1.0 - fu) + value(r1, c1) * fu) * fv
+        let place = Cell::clamped(x / self.cell - 0.5, y / self.cell - 0.5, self.columns, self.rows);
+        bilinear_by_weights(place.corners(|c, r| self.values[r * self.columns + c]), place.fx, place.fy)
     }
 
     /// Brightness at (`x`, `y`).
@@ -182,7 +177,7 @@ fn fit_broad_shape(lit: &[&MeasuredLenslet], middle: [f64; 2], half: f64) -> ([f
             }
         }
         (used..TERMS).for_each(|k| normal[k][k] = 1.0);
-        let Some(fitted) = linear::solve(normal, right) else { return (terms, least) };
+        let Some(fitted) = solve_small(normal, right) else { return (terms, least) };
         terms = fitted;
         let middle = offs.len() / 2;
         scale = (3.0 * *offs.select_nth_unstable_by(middle, f64::total_cmp).1).max(1e-3 * median);

@@ -4,8 +4,8 @@
 //! misfit of lenslets of similar brightness, τ² by maximum likelihood over all residuals. (Beyond paper section 3.2.)
 
 use crate::calibration::centres::measured::MeasuredLenslet;
-use crate::calibration::linear;
 use crate::calibration::model::Lattice;
+use crate::linalg::solve_small;
 
 /// Outlier threshold for residuals (dust, dead lenslets, reflections), in standard deviations √(τ² + σ²).
 /// Source: chosen
@@ -233,5 +233,5 @@ fn fit_distortion(
     if count < 2000 {
         return [[0.0; TERMS]; 2];
     }
-    [0, 1].map(|k| linear::solve(normal[k], right[k]).unwrap_or([0.0; TERMS]))
+    [0, 1].map(|k| solve_small(normal[k], right[k]).unwrap_or([0.0; TERMS]))
 }

@@ -1,10 +1,11 @@
 //! White images with planted lenslets, for tests: calibration must find the planted centres.
 
-use rand::{Rng, RngExt, SeedableRng, rngs::ChaCha8Rng};
+use rand::{SeedableRng, rngs::ChaCha8Rng};
 use rayon::prelude::*;
 
 use crate::calibration::model::{Grid, Lattice};
 use crate::container::{Capture, Cfa, Levels, RawMosaic};
+use crate::random::standard_normal;
 
 /// A true lenslet: lattice index and centre.
 pub type Planted = ([i32; 2], [f64; 2]);
@@ -77,7 +78,7 @@ impl PlantedCamera {
         let centres: Vec<[f64; 2]> = (0..side * side)
             .map(|k| {
                 let [x, y] = lattice.centre((k % side) as i32 - reach, (k / side) as i32 - reach);
-                [x + self.jitter * normal(&mut rng), y + self.jitter * normal(&mut rng)]
+                [x + self.jitter * standard_normal(&mut rng), y + self.jitter * standard_normal(&mut rng)]
             })
             .collect();
         let at = |i: i32, j: i32| centres[(j + reach) as usize * side + (i + reach) as usize];
@@ -117,7 +118,8 @@ impl PlantedCamera {
                             * response[Cfa::Bggr.plane(x, y)]
                             * self.exposure
                             * (WHITE - BLACK);
-                        let noisy = v + self.noise * (v.max(0.0).sqrt() * normal(&mut rng) + 3.0 * normal(&mut rng));
+                        let noisy = v + self.noise
+                            * (v.max(0.0).sqrt() * standard_normal(&mut rng) + 3.0 * standard_normal(&mut rng));
                         (BLACK + noisy).round().clamp(0.0, WHITE) as u16
                     })
                     .collect::<Vec<u16>>()
@@ -140,10 +142,4 @@ impl PlantedCamera {
 pub fn capture(width: usize, height: usize, data: Vec<u16>) -> Capture {
     let levels = Levels { black: [BLACK as f32; 4], white: [WHITE as f32; 4] };
     Capture { source_sha256: "planted".into(), ..Capture::bare(RawMosaic { width, height, data }, Cfa::Bggr, levels) }
-}
-
-/// A standard normal number.
-fn normal(rng: &mut impl Rng) -> f64 {
-    let (u, v): (f64, f64) = (rng.random(), rng.random());
-    (-2.0 * (1.0 - u).ln()).sqrt() * (2.0 * std::f64::consts::PI * v).cos()
 }

@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use anyhow::{Result, bail};
 use lenslet_core::calibration::CalibrationVariant;
 use lenslet_core::decode::Demosaic;
+use lenslet_core::digest::sha256_hex;
 use lenslet_data_gen::simulate::SceneName;
 use lenslet_train::Algorithm;
 use serde::Serialize;
-use sha2::{Digest, Sha256};
 
 use super::chain::{Chain, Training};
 use super::experiment::Experiment;
@@ -59,8 +59,9 @@ impl Run {
     /// Identifies the run among all others of this version of the program.
     pub fn key(&self) -> String {
         let text = serde_json::to_string(self).unwrap_or_default();
-        let digest = Sha256::digest(format!("{} {text}", env!("CARGO_PKG_VERSION")));
-        digest.iter().take(12).map(|b| format!("{b:02x}")).collect()
+        let mut digest = sha256_hex(format!("{} {text}", env!("CARGO_PKG_VERSION")).as_bytes());
+        digest.truncate(24);
+        digest
     }
 
     /// For people.

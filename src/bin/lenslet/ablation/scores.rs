@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use anyhow::Result;
+use lenslet_core::colour::luminance;
 use lenslet_core::lightfield::{ColourSpace, colour};
 use lenslet_core::metrics::{self, BORDER, Window};
 use lenslet_data_gen::simulate::Region;
@@ -69,7 +70,7 @@ pub(super) fn score_chart(
 ) {
     let mut truth = truth.clone();
     colour::convert(&mut truth, ColourSpace::Srgb, ColourSpace::Linear);
-    let (image, truth) = (metrics::luminance(image.view()), metrics::luminance(truth.view()));
+    let (image, truth) = (luminance(image.view()), luminance(truth.view()));
     let mut sums: BTreeMap<String, (f64, f64)> = BTreeMap::new();
     let mut add = |name: String, value: f64| {
         if value.is_finite() {

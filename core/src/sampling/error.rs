@@ -1,0 +1,44 @@
+//! What goes wrong in sampling, and the size that pictures may have.
+
+use crate::geometry::TriangulationError;
+
+/// Largest number of output pixels one table or view may have (a 16384×16384 view).
+pub const MAX_PIXELS: usize = 1 << 28;
+
+/// What goes wrong in sampling; all of it is the caller's input.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A coordinate is NaN, infinite or 1e9 and more.
+    #[error("centre {0} is not a finite position near the sensor")]
+    NotFinite(usize),
+    /// The centres cannot be triangulated.
+    #[error(transparent)]
+    Triangulation(#[from] TriangulationError),
+    /// An image or grid size that cannot be.
+    #[error("{what} {width}x{height} is out of range (1x1 up to {max} pixels)")]
+    Size {
+        /// Which one.
+        what: &'static str,
+        /// Its width.
+        width: usize,
+        /// Its height.
+        height: usize,
+        /// The most pixels it may have.
+        max: usize,
+    },
+    /// Arrays that do not belong together.
+    #[error("{0}")]
+    Shape(String),
+    /// A parameter out of range.
+    #[error("{0}")]
+    Parameter(String),
+}
+
+/// Refuses a size of zero or of more than [`MAX_PIXELS`].
+pub(super) fn check_size(what: &'static str, width: usize, height: usize) -> Result<(), Error> {
+    match width.checked_mul(height) {
+        Some(n) if n > 0 && n <= MAX_PIXELS => Ok(()),
+        _ => Err(Error::Size { what, width, height, max: MAX_PIXELS }),
+    }
+}
