@@ -17,7 +17,6 @@ const CRATES: [(&str, &str, &[&str]); 6] = [
             "error",
             "progress",
             "digest",
-            "hex",
             "output",
             "linalg",
             "random",

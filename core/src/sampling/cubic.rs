@@ -37,6 +37,18 @@ impl Cubic {
     ///
     /// # Errors
     /// As [`Weights::new`].
+    ///
+    /// ```
+    /// use lenslet_core::geometry::{Lattice, Size};
+    /// use lenslet_core::sampling::Cubic;
+    /// let size = Size::new(30, 24);
+    /// let centres = Lattice::hexagonal(3.3, 0.0, 1.0, [1.0, 1.0]).points_within(size, 0.0).centres;
+    /// let surface = Cubic::new(&centres, (30, 24), (30, 24))?;
+    /// // Planes are reproduced.
+    /// let values = ndarray::Array2::from_shape_fn((centres.len(), 1), |(k, _)| (centres[k][0] - centres[k][1]) as f32);
+    /// assert!((surface.apply(values.view())?[[10, 14, 0]] - 4.0).abs() < 1e-4);
+    /// # Ok::<(), lenslet_core::sampling::Error>(())
+    /// ```
     pub fn new(centres: &[[f64; 2]], sensor: (usize, usize), target: (usize, usize)) -> Result<Self, Error> {
         let linear = Weights::new(centres, sensor, target)?;
         let points = SensorToView::new(sensor, target).all_to_view(centres);

@@ -11,8 +11,10 @@ use crate::geometry::{Lattice, LatticePoints, Size};
 use crate::image::{Cell, bilinear_by_differences};
 
 /// Pitch of a Lytro's lattice in pixels of its 1080-pixel view.
+/// Source: 328 lenslets a row of that view.
 pub const DEFAULT_PITCH: f64 = 1080.0 / 328.0;
-/// Rotation of the lattice against the rows, radians, as usual for this camera.
+/// Rotation of the lattice against the rows, radians, typical of this camera.
+/// Source: chosen
 pub const DEFAULT_ROTATION: f64 = 0.002;
 
 /// How much of the image one sample sees.

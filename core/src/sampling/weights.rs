@@ -22,6 +22,15 @@ impl Weights {
     ///
     /// # Errors
     /// Sizes out of range; centres that cannot be triangulated (see [`triangulate`]).
+    ///
+    /// ```
+    /// use lenslet_core::sampling::Weights;
+    /// // Four samples at the corners of a 3×3 frame, seen at its own size.
+    /// let table = Weights::new(&[[0.0, 0.0], [2.0, 0.0], [0.0, 2.0], [2.0, 2.0]], (3, 3), (3, 3))?;
+    /// let view = table.apply(ndarray::array![[0.0], [2.0], [4.0], [6.0]].view())?;
+    /// assert_eq!((view[[0, 1, 0]], view[[1, 1, 0]]), (1.0, 3.0));
+    /// # Ok::<(), lenslet_core::sampling::Error>(())
+    /// ```
     pub fn new(centres: &[[f64; 2]], sensor: (usize, usize), target: (usize, usize)) -> Result<Self, Error> {
         check_size("sensor", sensor.0, sensor.1)?;
         check_size("view", target.0, target.1)?;
