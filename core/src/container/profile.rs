@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::cfa::Cfa;
 use super::error::Error;
-use super::facts::{ColourFacts, Levels, MAX_SIDE, MlaHint, gains_valid};
+use super::facts::{ColourFacts, Levels, MAX_SIDE, MlaHint, ccm_valid, gains_valid};
 use super::file;
 use super::packing::Packing;
 
@@ -61,6 +61,8 @@ pub struct MeasuredBody {
     pub lenslets: MlaHint,
     /// Its white balance gains of R, Gr, Gb, B in daylight.
     pub white_balance: [f32; 4],
+    /// Its matrix from camera RGB to linear sRGB, row-major.
+    pub ccm: [f32; 9],
 }
 
 /// A sensor.
@@ -130,7 +132,7 @@ impl CameraProfile {
         if !lenslets.into_iter().all(MlaHint::is_valid) {
             return Err("lenslets: pitch must be 2 to 500 pixels, rotation within ±π, row_stretch 0.5 to 2".into());
         }
-        let gains = self.measured.as_ref().is_none_or(|m| gains_valid(&m.white_balance));
+        let gains = self.measured.as_ref().is_none_or(|m| gains_valid(&m.white_balance) && ccm_valid(&m.ccm));
         if !gains || self.colour.as_ref().is_some_and(|c| !c.is_valid()) {
             return Err("colour: gains must be positive, all numbers finite and below 1000".into());
         }

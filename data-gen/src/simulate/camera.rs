@@ -93,14 +93,7 @@ impl Default for SensorResponse {
             colour: ColourFacts {
                 white_balance: [1.0, 1.117_187_5, 1.117_187_5, 1.722_656_3],
                 ccm: [
-                    3.1115828,
-                    -1.9393929,
-                    -0.172_189_86,
-                    -0.3629056,
-                    1.640_880_3,
-                    -0.2779748,
-                    0.078_967_01,
-                    -1.1558043,
+                    3.1115828, -1.9393929, -0.1721899, -0.3629056, 1.6408804, -0.2779748, 0.078967, -1.1558043,
                     2.0768373,
                 ],
                 gamma: Some(0.416_66),
@@ -188,6 +181,7 @@ impl Camera {
         let mut colour = profile.colour();
         if let Some(m) = measured {
             colour.white_balance = m.white_balance;
+            colour.ccm = m.ccm;
         }
         Camera {
             sensor: (sensor.width, sensor.height),
