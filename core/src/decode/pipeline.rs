@@ -95,3 +95,13 @@ impl HexSamples {
         samples(capture, calibration, &options, &Silent)
     }
 }
+
+impl Capture {
+    /// Decodes to hexagonal samples of 7×7 views with the default steps: see [`HexSamples::decode`].
+    ///
+    /// # Errors
+    /// As [`samples`]: a calibration of another camera, a mosaic that does not fit.
+    pub fn decode(&self, calibration: &Calibration) -> Result<HexSamples, Error> {
+        HexSamples::decode(self, calibration)
+    }
+}
