@@ -33,19 +33,20 @@ fn constants(file: &str, text: &str) -> Vec<Constant> {
         }
         let declared = ["const ", "pub const ", "pub(super) const ", "pub(crate) const "];
         if let Some(rest) = declared.iter().find_map(|d| line.strip_prefix(d)) {
-            let mut whole = rest.to_owned();
-            while !whole.contains(';') {
+            let code = |line: &str| line.split("//").next().unwrap_or_default().trim().to_owned();
+            let mut whole = code(rest);
+            while !whole.ends_with(';') {
                 let Some(next) = lines.next() else { break };
                 whole.push(' ');
-                whole.push_str(next);
+                whole.push_str(&code(next));
             }
             let source = doc.iter().position(|l| l.starts_with("Source:"));
-            if let (Some(at), Some((head, value))) = (source, whole.split_once('=')) {
+            if let (Some(at), Some((head, value))) = (source, whole.split_once(" = ")) {
                 let tidy = |lines: &[&str]| lines.join(" ").trim().replace('|', "\\|");
                 found.push(Constant {
                     file: file.to_owned(),
                     name: head.split(':').next().unwrap().trim().to_owned(),
-                    value: value.split(';').next().unwrap().split_whitespace().collect::<Vec<_>>().join(" "),
+                    value: value.trim_end_matches(';').split_whitespace().collect::<Vec<_>>().join(" "),
                     meaning: tidy(&doc[..at]),
                     source: tidy(&doc[at..]).trim_start_matches("Source:").trim().to_owned(),
                 });
@@ -107,7 +108,7 @@ fn the_table_of_constants_is_that_of_the_code() {
 
 #[test]
 fn constants_are_read_with_their_sources() {
-    let text = "/// Pixels | wide.\n///\n/// Source: measured.\nconst WIDE: [f32; 2] =\n    [1.0, 2.0]; // old\n/// No source.\nconst OTHER: u8 = 1;\n";
+    let text = "/// Pixels | wide.\n///\n/// Source: measured.\nconst WIDE: [f32; 2] =\n    [1.0, 2.0]; // old; one\n/// No source.\nconst OTHER: u8 = 1;\n";
     let found = constants("a.rs", text);
     assert_eq!(found.len(), 1);
     assert_eq!((found[0].name.as_str(), found[0].value.as_str()), ("WIDE", "[1.0, 2.0]"));
