@@ -103,14 +103,15 @@ pub fn nearest_anchors(anchors: ArrayView2<'_, f32>, signals: ArrayView2<'_, f32
             correlations = Array2::zeros((chunk.nrows(), anchors.nrows()));
         }
         product_into_columns(&mut correlations, 0, chunk, anchors.t(), Par::Seq);
-        for row in correlations.rows() {
-            let mut best = (0, 0.0, -1.0f32);
-            for (j, &v) in row.iter().enumerate() {
-                if v.abs() > best.2 {
-                    best = (j as u32, v, v.abs());
+        let Some(rows) = correlations.as_slice() else { continue };
+        for row in rows.chunks_exact(anchors.nrows().max(1)) {
+            let mut best = (0, -1.0f32);
+            for (j, v) in row.iter().enumerate() {
+                if v.abs() > best.1 {
+                    best = (j, v.abs());
                 }
             }
-            nearest.push((best.0, best.1));
+            nearest.push((best.0 as u32, row[best.0]));
         }
     }
     nearest
