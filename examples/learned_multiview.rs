@@ -14,13 +14,14 @@ use clap::Parser as _;
 use lenslet_core::calibration;
 use lenslet_core::decode;
 use lenslet_core::dictionary::{self, Dictionary};
+use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{ColourSpace, View, colour};
 use lenslet_core::metrics::{BORDER, Scores, Window};
 use lenslet_core::progress::Silent;
 use lenslet_data_gen::simulate::{self, Camera, Scene, SceneName};
 use lenslet_views::reconstruct::{self, Mode, Options};
-use lenslet_views::{LearnedViews, RenderSamples as _, Target};
+use lenslet_views::{LearnedViews, RenderSamples as _};
 use ndarray::Array3;
 use serde_json::{Map, Value, json};
 
@@ -70,7 +71,7 @@ fn scored(kind: SceneName, a: &Arguments, dictionary: &Dictionary) -> anyhow::Re
     let calibration = calibration::calibrate(&simulation.whites, &calibration::CalibrationOptions::default(), &Silent)?;
     let samples = decode::samples(&simulation.capture, &calibration, &decode::Options::default(), &Silent)?;
 
-    let target = Target { width: size.0, height: size.1 };
+    let target = Size { width: size.0, height: size.1 };
     let options = Options { mode: a.mode, ..Options::default() };
     let interpolation = Interpolation::Multiview;
     let learned = LearnedViews::prepare(&samples, interpolation, &target, dictionary, &options, &Silent)?;

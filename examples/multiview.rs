@@ -16,13 +16,14 @@ use clap::Parser as _;
 use lenslet::apps::depth;
 use lenslet_core::decode::HexSamples;
 use lenslet_core::dictionary::Interpolation;
+use lenslet_core::geometry::Size;
 use lenslet_core::lightfield::{self, ColourSpace, LightField, ReadOptions, View, colour};
 use lenslet_core::metrics::{self, BORDER, Scores, Window};
 use lenslet_core::pfm;
 use lenslet_core::progress::Silent;
 use lenslet_core::sampling::{DEFAULT_PITCH, DEFAULT_ROTATION, Footprint, lattice_samples};
 use lenslet_views::multiview::{self, Options, RefinedViews, SampleSet};
-use lenslet_views::{InterpolatedViews, LearnedViews, Method, RenderSamples as _, Target, reconstruct};
+use lenslet_views::{InterpolatedViews, LearnedViews, Method, RenderSamples as _, reconstruct};
 use ndarray::{Array2, Array3, s};
 use serde_json::{Map, Value, json};
 
@@ -74,7 +75,7 @@ struct Rendered {
     seconds: [f64; 2],
 }
 
-fn render(samples: &HexSamples, target: &Target, wanted: &[(usize, usize)]) -> anyhow::Result<Rendered> {
+fn render(samples: &HexSamples, target: &Size, wanted: &[(usize, usize)]) -> anyhow::Result<Rendered> {
     let single = |interpolation| -> anyhow::Result<Vec<View>> {
         let prepared = InterpolatedViews::prepare(samples, interpolation, target, &Silent)?;
         wanted.iter().map(|&(v, u)| Ok(prepared.render_view(v, u)?)).collect()
@@ -98,7 +99,7 @@ fn render(samples: &HexSamples, target: &Target, wanted: &[(usize, usize)]) -> a
 /// Refined views reconstructed with the dictionary made for them.
 fn learned(
     samples: &HexSamples,
-    target: &Target,
+    target: &Size,
     wanted: &[(usize, usize)],
     refined: &[View],
 ) -> anyhow::Result<Vec<View>> {
@@ -178,7 +179,7 @@ fn simulated(truth: &Path, samples: &Path, a: &Arguments) -> anyhow::Result<Valu
     let field = lightfield::load(&truth.join("views"), &ReadOptions::default())?;
     let disparity: Array2<f32> = ndarray_npy::read_npy(truth.join("disparity.npy"))?;
     let (h, w) = disparity.dim();
-    let target = Target { width: w, height: h };
+    let target = Size { width: w, height: h };
     let wanted = scored(samples.views);
     let truths: Vec<Array3<f32>> = wanted
         .iter()
@@ -235,7 +236,7 @@ fn resampled(path: &Path, pitch: f64, truth_disparity: Option<&Path>, a: &Argume
     colour::convert(&mut field.data, field.meta.colour, ColourSpace::Linear);
     field.meta.colour = ColourSpace::Linear;
     let samples = sampled(&field, pitch)?;
-    let target = Target { width: samples.sensor.0, height: samples.sensor.1 };
+    let target = Size { width: samples.sensor.0, height: samples.sensor.1 };
     let rendered = render(&samples, &target, &wanted)?;
     save(&rendered, Some(&truths[0]), &samples, a)?;
     let mut out = json!({
@@ -254,7 +255,7 @@ fn resampled(path: &Path, pitch: f64, truth_disparity: Option<&Path>, a: &Argume
 
 fn real(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
     let samples = HexSamples::load(path)?;
-    let target = Target::longer(samples.sensor, a.size);
+    let target = Size::from(samples.sensor).with_longer_side(a.size);
     let wanted = scored(samples.views);
     let middle = wanted[0];
     let mut hidden = Map::new();
@@ -281,7 +282,7 @@ fn real(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
     }))
 }
 
-fn enlarged(disparity: &Array2<f32>, target: &Target) -> Array2<f32> {
+fn enlarged(disparity: &Array2<f32>, target: &Size) -> Array2<f32> {
     let (h, w) = disparity.dim();
     Array2::from_shape_fn((target.height, target.width), |(t, s)| {
         disparity[[(t * h / target.height).min(h - 1), (s * w / target.width).min(w - 1)]]
@@ -319,7 +320,7 @@ fn save(rendered: &Rendered, truth: Option<&Array3<f32>>, samples: &HexSamples, 
     }
     // Five lines of the picture, each followed through the middle row of views (eight pixels a view).
     let (h, w, c) = rendered.views[0][0].pixels().dim();
-    let target = Target { width: w, height: h };
+    let target = Size { width: w, height: h };
     let n = samples.views;
     let row: Vec<(usize, usize)> = (0..n).map(|u| (n / 2, u)).collect();
     let all = render(samples, &target, &row)?;
@@ -338,7 +339,7 @@ fn save(rendered: &Rendered, truth: Option<&Array3<f32>>, samples: &HexSamples, 
 /// Seconds for every view of the samples, nothing kept.
 fn timed(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
     let samples = HexSamples::load(path)?;
-    let target = Target::longer(samples.sensor, a.size);
+    let target = Size::from(samples.sensor).with_longer_side(a.size);
     let began = Instant::now();
     let mut views = 0;
     samples.renderer(Method::multiview()).size(target).prepare()?.render_all(&mut |_, _, _| -> anyhow::Result<()> {

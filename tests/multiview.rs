@@ -3,11 +3,11 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a test may fail loudly
 
 use lenslet_core::decode::HexSamples;
+use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{self, ColourSpace, Format, LightField, Meta, ReadOptions};
 use lenslet_core::progress::Silent;
 use lenslet_core::sampling::bicubic;
-use lenslet_views::Target;
 use lenslet_views::interpolate::prepare_interpolator;
 use lenslet_views::multiview::{Fit, Options, RefinedViews, SampleSet, hidden_score};
 use ndarray::{Array2, Array3, Array5, ArrayView3, s};
@@ -80,7 +80,7 @@ fn samples(d: impl Fn(f64, f64) -> f64 + 'static, noise: f32) -> HexSamples {
     measured(&surface(d), noise)
 }
 
-const TARGET: Target = Target { width: SIDE, height: SIDE };
+const TARGET: Size = Size { width: SIDE, height: SIDE };
 
 /// PSNR of a view of the world, away from the border.
 fn seen(image: &Array3<f32>, world: &World, (v, u): (usize, usize)) -> f64 {

@@ -8,11 +8,12 @@ use std::process::{Command, Output};
 use lenslet_core::calibration::{self, Calibration};
 use lenslet_core::container;
 use lenslet_core::decode::{self, HexSamples};
+use lenslet_core::geometry::Size;
 use lenslet_core::lightfield::{self, ColourSpace, ReadOptions, colour};
 use lenslet_core::metrics;
 use lenslet_core::progress::Silent;
 use lenslet_data_gen::simulate::{self, Camera, Lenslets, Scene, SceneName, Simulation, SimulationOptions};
-use lenslet_views::{Method, RenderSamples as _, Target};
+use lenslet_views::{Method, RenderSamples as _};
 use ndarray::{Array2, Array3, s};
 
 fn lenslet(arguments: &[&str]) -> Output {
@@ -36,7 +37,7 @@ fn central(simulation: &Simulation, found: &Calibration) -> HexSamples {
 }
 
 /// The central view by `method`, sRGB-encoded.
-fn view(samples: &HexSamples, target: Target, method: Method) -> Array3<f32> {
+fn view(samples: &HexSamples, target: Size, method: Method) -> Array3<f32> {
     samples.renderer(method).size(target).prepare().unwrap().view(0, 0).unwrap().encode().into_pixels()
 }
 
@@ -60,7 +61,7 @@ fn calibration_finds_the_true_centres_and_methods_come_in_their_order() {
     let mut truth = simulate::true_view(&scene, &camera, [0.0, 0.0], size);
     colour::convert(&mut truth, ColourSpace::Linear, ColourSpace::Srgb);
     let samples = central(&simulation, &found);
-    let target = Target { width: size.0, height: size.1 };
+    let target = Size { width: size.0, height: size.1 };
     let psnr = |method| luminance_psnr(&view(&samples, target, method), &truth);
     let (bicubic, barycentric, learned) =
         (psnr(Method::bicubic()), psnr(Method::barycentric()), psnr(Method::barycentric().learned()));

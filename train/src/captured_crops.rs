@@ -8,6 +8,7 @@ use lenslet_core::calibration;
 use lenslet_core::colour::luminance;
 use lenslet_core::decode;
 use lenslet_core::dictionary::Footprint;
+use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{ColourSpace, View, colour};
 use lenslet_core::metrics::BORDER;
@@ -22,8 +23,8 @@ use rand::{RngExt, SeedableRng};
 use crate::error::Error;
 use crate::parameters::Parameters;
 use crate::training_crops::TrainingCrops;
+use lenslet_views::InterpolatedViews;
 use lenslet_views::reconstruct::Measurements;
-use lenslet_views::{InterpolatedViews, Target};
 
 /// Photos that share a scene.
 const PHOTOS: usize = 3;
@@ -138,7 +139,7 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
         views.push((rng.random_range(0..VIEWS), rng.random_range(0..VIEWS)));
     }
     let size = simulate::output_size(&camera, side);
-    let target = Target { width: size.0, height: size.1 };
+    let target = Size { width: size.0, height: size.1 };
     let alone: &[Interpolation] = parameters.network.as_ref().map_or(&[], |n| &n.side_inputs);
     let truth = Measurements::new(&samples, Footprint::Point, parameters.degradation.pitch, size, None, alone)?;
     let (mut refined, mut beside) = (Vec::new(), Vec::new());

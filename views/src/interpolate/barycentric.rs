@@ -1,12 +1,12 @@
 //! Section 4.2: barycentric interpolation on the triangulated centres, straight at the target resolution (eq. 1, 2).
 
 use lenslet_core::decode::HexSamples;
+use lenslet_core::geometry::Size;
 use lenslet_core::sampling::Weights;
 use ndarray::{Array3, ArrayView2};
 
 use super::interpolator::ViewInterpolator;
 use crate::Error;
-use crate::target::Target;
 
 /// Three lenslets and their weights for every pixel.
 #[derive(Debug, Clone)]
@@ -17,7 +17,7 @@ impl Barycentric {
     ///
     /// # Errors
     /// Centres that cannot be triangulated, a size out of range.
-    pub fn prepare(samples: &HexSamples, target: &Target) -> Result<Self, Error> {
+    pub fn prepare(samples: &HexSamples, target: &Size) -> Result<Self, Error> {
         Ok(Barycentric(Weights::new(&samples.centres, samples.sensor, (target.width, target.height))?))
     }
 }

@@ -1,18 +1,19 @@
 //! Section 4.1, the paper's baseline: a regular grid of about one value a pitch first, then bicubic to the target.
 
 use lenslet_core::decode::HexSamples;
+use lenslet_core::geometry::Size;
 use lenslet_core::sampling::{Weights, bicubic};
 use ndarray::{Array3, ArrayView2};
 
 use super::interpolator::ViewInterpolator;
 use crate::Error;
-use crate::target::Target;
+use crate::target::native_size;
 
 /// The low-resolution grid's table, and the size of the result.
 #[derive(Debug, Clone)]
 pub struct Bicubic {
     low: Weights,
-    target: Target,
+    target: Size,
 }
 
 impl Bicubic {
@@ -20,8 +21,8 @@ impl Bicubic {
     ///
     /// # Errors
     /// Centres that cannot be triangulated.
-    pub fn prepare(samples: &HexSamples, target: &Target) -> Result<Self, Error> {
-        let low = Target::native(samples);
+    pub fn prepare(samples: &HexSamples, target: &Size) -> Result<Self, Error> {
+        let low = native_size(samples);
         let low = Weights::new(&samples.centres, samples.sensor, (low.width, low.height))?;
         Ok(Bicubic { low, target: *target })
     }

@@ -1,12 +1,12 @@
 //! A cubic C¹ surface through the same samples: a fair, stronger baseline than the paper's two plain methods.
 
 use lenslet_core::decode::HexSamples;
+use lenslet_core::geometry::Size;
 use lenslet_core::sampling;
 use ndarray::{Array3, ArrayView2};
 
 use super::interpolator::ViewInterpolator;
 use crate::Error;
-use crate::target::Target;
 
 /// Coefficients of the surface for every pixel.
 #[derive(Debug, Clone)]
@@ -17,7 +17,7 @@ impl Cubic {
     ///
     /// # Errors
     /// Centres that cannot be triangulated, a size out of range.
-    pub fn prepare(samples: &HexSamples, target: &Target) -> Result<Self, Error> {
+    pub fn prepare(samples: &HexSamples, target: &Size) -> Result<Self, Error> {
         Ok(Cubic(sampling::Cubic::new(&samples.centres, samples.sensor, (target.width, target.height))?))
     }
 }

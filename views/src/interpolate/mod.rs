@@ -8,10 +8,10 @@ mod cubic;
 mod interpolator;
 
 use lenslet_core::decode::HexSamples;
+use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 
 use crate::Error;
-use crate::target::Target;
 
 pub use barycentric::Barycentric;
 pub use bicubic::Bicubic;
@@ -26,7 +26,7 @@ pub use interpolator::ViewInterpolator;
 pub fn prepare_interpolator(
     interpolation: Interpolation,
     samples: &HexSamples,
-    target: &Target,
+    target: &Size,
 ) -> Result<Box<dyn ViewInterpolator>, Error> {
     Ok(match interpolation {
         Interpolation::Bicubic => Box::new(Bicubic::prepare(samples, target)?),

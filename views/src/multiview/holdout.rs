@@ -2,6 +2,7 @@
 
 use lenslet_core::decode::HexSamples;
 use lenslet_core::geometry::SensorToView;
+use lenslet_core::geometry::Size;
 use lenslet_core::sampling::bicubic::bicubic_at;
 use ndarray::{Array3, Axis};
 use rand::rngs::ChaCha8Rng;
@@ -9,7 +10,7 @@ use rand::{RngExt, SeedableRng};
 
 use crate::Error;
 use crate::error::ensure_shape;
-use crate::target::{Target, mean_pitch};
+use crate::target::mean_pitch;
 
 /// How well hidden lenslets were predicted.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,7 +28,7 @@ pub struct HiddenScore {
 /// A share outside 0..0.5, a view that does not exist, what `render` returns.
 pub fn hidden_score<E: From<Error>>(
     samples: &HexSamples,
-    target: &Target,
+    target: &Size,
     share: f64,
     seed: u64,
     at: (usize, usize),

@@ -3,6 +3,7 @@
 use lenslet_core::colour::LUMINANCE;
 use lenslet_core::decode::HexSamples;
 use lenslet_core::geometry::SensorToView;
+use lenslet_core::geometry::Size;
 use lenslet_core::image::Plane;
 use lenslet_core::lightfield::LightField;
 use lenslet_core::sampling::{Cubic, bicubic};
@@ -10,7 +11,7 @@ use ndarray::{Array3, ArrayView1, ArrayView3, Axis, CowArray, Ix3};
 
 use crate::Error;
 use crate::error::ensure_shape;
-use crate::target::{Target, mean_pitch};
+use crate::target::mean_pitch;
 
 /// Samples of every view at common places, and the target they are to fill.
 pub struct SampleSet<'a> {
@@ -24,7 +25,7 @@ pub struct SampleSet<'a> {
     pub(super) weights: Vec<f32>,
     /// The values again, four lanes each (unused ones 0), all views in a row.
     pub(super) lanes: Vec<[f32; 4]>,
-    pub(super) target: Target,
+    pub(super) target: Size,
     pub(super) kind: Kind,
     /// Pixels of the target between neighbouring samples.
     pub(super) pitch: f32,
@@ -49,7 +50,7 @@ impl<'a> SampleSet<'a> {
     ///
     /// # Errors
     /// Samples whose shapes contradict each other, that cannot be triangulated, or that have other than 1 or 3 channels.
-    pub fn hexagonal(samples: &'a HexSamples, target: &Target) -> Result<Self, Error> {
+    pub fn hexagonal(samples: &'a HexSamples, target: &Size) -> Result<Self, Error> {
         let n = samples.centres.len();
         let (views, count, _) = samples.values.dim();
         ensure_shape!(
@@ -78,7 +79,7 @@ impl<'a> SampleSet<'a> {
     ///
     /// # Errors
     /// Light fields of other than 1 or 3 channels, empty ones.
-    pub fn rectangular(field: &'a LightField, target: &Target) -> Result<Self, Error> {
+    pub fn rectangular(field: &'a LightField, target: &Size) -> Result<Self, Error> {
         let (rows, columns, height, width, channels) = field.data.dim();
         ensure_shape!(width > 0 && height > 0, "the views are empty");
         let (fx, fy) = (target.width as f32 / width as f32, target.height as f32 / height as f32);
@@ -110,7 +111,7 @@ impl<'a> SampleSet<'a> {
         points: Vec<[f32; 2]>,
         values: CowArray<'a, f32, Ix3>,
         weights: Vec<f32>,
-        target: Target,
+        target: Size,
         kind: Kind,
         pitch: f32,
         single_view: SingleView,

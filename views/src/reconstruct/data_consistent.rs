@@ -79,8 +79,8 @@ mod tests {
     use crate::interpolate::prepare_interpolator;
     use crate::reconstruct::measurements::encoded_luminance;
     use crate::reconstruct::{Options, embedded};
-    use crate::target::Target;
     use lenslet_core::colour::luminance;
+    use lenslet_core::geometry::Size;
     use lenslet_core::lightfield::Linear;
     use ndarray::{Array2, Array3};
 
@@ -113,7 +113,7 @@ mod tests {
     }
 
     /// The first view of the samples, interpolated barycentrically.
-    fn interpolated(samples: &HexSamples, target: &Target) -> View<Srgb> {
+    fn interpolated(samples: &HexSamples, target: &Size) -> View<Srgb> {
         let interpolator = prepare_interpolator(Interpolation::Barycentric, samples, target).unwrap();
         let values = samples.values.index_axis(ndarray::Axis(0), 0);
         View::<Linear>::new(interpolator.interpolate_view(values).unwrap()).encode()
@@ -124,7 +124,7 @@ mod tests {
         let samples = samples();
         let dictionary = embedded().unwrap();
         let reconstructor = Reconstructor::new(&dictionary, &Options::default()).unwrap();
-        let target = Target { width: 200, height: 200 };
+        let target = Size { width: 200, height: 200 };
         let values = samples.values.index_axis(ndarray::Axis(0), 0);
         let low = interpolated(&samples, &target);
         let wanted = encoded_luminance(values).unwrap();
@@ -163,7 +163,7 @@ mod tests {
         let dictionary = crate::reconstruct::embedded_for(Interpolation::Multiview).unwrap();
         let reconstructor = Reconstructor::new(&dictionary, &Options::default()).unwrap();
         assert_eq!(reconstructor.side_inputs(), [Interpolation::Barycentric, Interpolation::Cubic]);
-        let target = Target { width: 200, height: 200 };
+        let target = Size { width: 200, height: 200 };
         let values = samples.values.index_axis(ndarray::Axis(0), 0);
         let low = interpolated(&samples, &target);
         let faithful =

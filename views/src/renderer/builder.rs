@@ -1,12 +1,13 @@
 //! The front door: `samples.renderer(method)`, a few choices, `prepare`.
 
 use lenslet_core::decode::HexSamples;
+use lenslet_core::geometry::Size;
 use lenslet_core::progress::{Observer, Silent};
 
 use super::render::Renderer;
 use crate::Error;
 use crate::method::Method;
-use crate::target::Target;
+use crate::target::native_size;
 
 /// Longer side of the views by default, pixels.
 ///
@@ -17,7 +18,7 @@ const LONGER_SIDE: usize = 1080;
 pub struct RendererBuilder<'a> {
     samples: &'a HexSamples,
     method: Method,
-    size: Target,
+    size: Size,
     observer: &'a dyn Observer,
 }
 
@@ -29,7 +30,7 @@ pub trait RenderSamples {
 
 impl RenderSamples for HexSamples {
     fn renderer(&self, method: impl Into<Method>) -> RendererBuilder<'_> {
-        let size = Target::longer(self.sensor, LONGER_SIDE);
+        let size = Size::from(self.sensor).with_longer_side(LONGER_SIDE);
         RendererBuilder { samples: self, method: method.into(), size, observer: &Silent }
     }
 }
@@ -38,13 +39,13 @@ impl<'a> RendererBuilder<'a> {
     /// Views whose longer side has `pixels` pixels, scene pixels square.
     #[must_use]
     pub fn longer_side(mut self, pixels: usize) -> Self {
-        self.size = Target::longer(self.samples.sensor, pixels);
+        self.size = Size::from(self.samples.sensor).with_longer_side(pixels);
         self
     }
 
     /// Views of exactly this size.
     #[must_use]
-    pub fn size(mut self, size: Target) -> Self {
+    pub fn size(mut self, size: Size) -> Self {
         self.size = size;
         self
     }
@@ -52,7 +53,7 @@ impl<'a> RendererBuilder<'a> {
     /// Views of about one pixel a lenslet.
     #[must_use]
     pub fn native_size(mut self) -> Self {
-        self.size = Target::native(self.samples);
+        self.size = native_size(self.samples);
         self
     }
 

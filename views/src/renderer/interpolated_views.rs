@@ -1,6 +1,7 @@
 //! Views interpolated from samples, each from its own or from those of all views (paper sections 4.1 to 4.3).
 
 use lenslet_core::decode::HexSamples;
+use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::View;
 use lenslet_core::progress::Observer;
@@ -10,7 +11,7 @@ use crate::Error;
 use crate::error::ensure_parameter;
 use crate::interpolate::{ViewInterpolator, prepare_interpolator};
 use crate::multiview::{self, RefinedViews, SampleSet};
-use crate::target::{Sink, Target};
+use crate::target::Sink;
 
 /// Samples prepared for one interpolation at one size: any view can be rendered from them, in linear light.
 pub struct InterpolatedViews<'a> {
@@ -33,7 +34,7 @@ impl<'a> InterpolatedViews<'a> {
     pub fn prepare(
         samples: &'a HexSamples,
         interpolation: Interpolation,
-        target: &Target,
+        target: &Size,
         observer: &dyn Observer,
     ) -> Result<Self, Error> {
         match interpolation {
@@ -52,7 +53,7 @@ impl<'a> InterpolatedViews<'a> {
     pub fn refined(
         samples: &'a HexSamples,
         options: &multiview::Options,
-        target: &Target,
+        target: &Size,
         observer: &dyn Observer,
     ) -> Result<Self, Error> {
         let refined = RefinedViews::estimate(SampleSet::hexagonal(samples, target)?, options, observer)?;

@@ -9,6 +9,7 @@
 
 use lenslet_core::decode::HexSamples;
 use lenslet_core::dictionary::Dictionary;
+use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::View;
 use lenslet_core::progress::Observer;
@@ -17,14 +18,13 @@ use lenslet_core::sampling::bicubic;
 use super::working_size::working_size;
 use crate::Error;
 use crate::reconstruct::{DataConsistent, Options, Plan, Reconstructor};
-use crate::target::Target;
 
 /// Learned reconstruction prepared for views that one interpolation made of these samples.
 pub struct LearnedViews<'a> {
     samples: &'a HexSamples,
     step: Step,
-    working: Target,
-    target: Target,
+    working: Size,
+    target: Size,
     plan: Plan,
 }
 
@@ -44,7 +44,7 @@ impl<'a> LearnedViews<'a> {
     pub fn prepare(
         samples: &'a HexSamples,
         interpolation: Interpolation,
-        target: &Target,
+        target: &Size,
         dictionary: &Dictionary,
         options: &Options,
         observer: &dyn Observer,
@@ -75,7 +75,7 @@ impl<'a> LearnedViews<'a> {
 
     /// The size that views are to be interpolated at.
     #[must_use]
-    pub fn working_size(&self) -> Target {
+    pub fn working_size(&self) -> Size {
         self.working
     }
 

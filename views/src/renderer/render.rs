@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use lenslet_core::decode::HexSamples;
+use lenslet_core::geometry::Size;
 use lenslet_core::lightfield::{self, ColourSpace, LightField, Meta, View};
 use lenslet_core::progress::Observer;
 use ndarray::{Array5, s};
@@ -12,7 +13,7 @@ use super::learned_views::LearnedViews;
 use crate::Error;
 use crate::method::Method;
 use crate::reconstruct::{Plan, embedded_for};
-use crate::target::{Sink, Target, mean_pitch};
+use crate::target::{Sink, mean_pitch};
 
 /// Samples prepared for one [`Method`] at one size: single views, all views, or a whole light field.
 ///
@@ -44,7 +45,7 @@ pub struct Renderer<'a> {
     method: &'static str,
     interpolated: InterpolatedViews<'a>,
     learned: Option<LearnedViews<'a>>,
-    size: Target,
+    size: Size,
     observer: &'a dyn Observer,
 }
 
@@ -56,7 +57,7 @@ impl<'a> Renderer<'a> {
     pub fn prepare(
         samples: &'a HexSamples,
         method: &Method,
-        size: Target,
+        size: Size,
         observer: &'a dyn Observer,
     ) -> Result<Self, Error> {
         let interpolation = method.interpolation;
@@ -80,7 +81,7 @@ impl<'a> Renderer<'a> {
 
     /// The size of the views.
     #[must_use]
-    pub fn size(&self) -> Target {
+    pub fn size(&self) -> Size {
         self.size
     }
 

@@ -1,9 +1,10 @@
 //! The size at which views are reconstructed when a dictionary was trained for another pitch.
 
 use lenslet_core::decode::HexSamples;
+use lenslet_core::geometry::Size;
 use lenslet_core::sampling::MAX_PIXELS;
 
-use crate::target::{Target, mean_pitch};
+use crate::target::mean_pitch;
 
 /// Relative difference between the pitch of the views and that of a dictionary up to which the dictionary is used as it is.
 ///
@@ -13,7 +14,7 @@ const PITCH_TOLERANCE: f64 = 0.1;
 /// The size at which views of `target` are reconstructed, given the pitch of the samples on the sensor and that of the model
 /// (`trained`, pixels): `target`, or the size at which the samples lie `trained` pixels apart.
 #[must_use]
-pub fn working_size(samples: &HexSamples, target: &Target, trained: f64) -> Target {
+pub fn working_size(samples: &HexSamples, target: &Size, trained: f64) -> Size {
     let actual = mean_pitch(samples) * target.width as f64 / samples.sensor.0.max(1) as f64;
     let ratio = trained / actual;
     if !ratio.is_finite() || (ratio - 1.0).abs() <= PITCH_TOLERANCE {
@@ -21,7 +22,7 @@ pub fn working_size(samples: &HexSamples, target: &Target, trained: f64) -> Targ
     }
     let side = |n: usize| ((n as f64 * ratio).round().max(1.0)) as usize;
     let (width, height) = (side(target.width), side(target.height));
-    if width.checked_mul(height).is_some_and(|n| n <= MAX_PIXELS) { Target { width, height } } else { *target }
+    if width.checked_mul(height).is_some_and(|n| n <= MAX_PIXELS) { Size { width, height } } else { *target }
 }
 
 #[cfg(test)]
@@ -43,7 +44,7 @@ mod tests {
             values: Array3::zeros((1, lenslets, 1)),
         };
         let sensor_pitch = mean_pitch(&samples);
-        let at = |width| Target { width, height: width };
+        let at = |width| Size { width, height: width };
         let fit = (3.293 * 300.0 / sensor_pitch).round() as usize;
         assert_eq!(working_size(&samples, &at(fit), 3.293), at(fit));
         assert_eq!(working_size(&samples, &at(fit + 5), 3.293), at(fit + 5));

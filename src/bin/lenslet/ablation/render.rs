@@ -8,10 +8,11 @@ use std::time::Instant;
 use anyhow::{Context as _, Result};
 use lenslet_core::decode::HexSamples;
 use lenslet_core::dictionary::{Dictionary, Footprint};
+use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::View;
 use lenslet_core::progress::Observer;
-use lenslet_views::{InterpolatedViews, LearnedViews, Target, multiview, reconstruct};
+use lenslet_views::{InterpolatedViews, LearnedViews, multiview, reconstruct};
 use ndarray::Array3;
 
 use super::method::Method;
@@ -78,7 +79,7 @@ fn base(method: Method, dictionary: Option<&Dictionary>) -> Result<Method> {
 /// seconds are those of the first time.
 pub(super) fn render(
     (steps, samples): (&str, &HexSamples),
-    target: &Target,
+    target: &Size,
     method: Method,
     wanted: &[(usize, usize)],
     dictionary: Option<&Dictionary>,
@@ -105,7 +106,7 @@ pub(super) fn render(
 
 fn interpolate_views(
     samples: &HexSamples,
-    target: &Target,
+    target: &Size,
     method: Method,
     wanted: &[(usize, usize)],
     observer: &dyn Observer,
@@ -129,7 +130,7 @@ fn interpolate_views(
 /// Views that `base` made of the samples, reconstructed.
 fn reconstruct_views(
     samples: &HexSamples,
-    target: &Target,
+    target: &Size,
     (base, low): (Method, &[Array3<f32>]),
     wanted: &[(usize, usize)],
     dictionary: &Dictionary,
@@ -171,7 +172,7 @@ mod tests {
                 values,
             }
         };
-        let target = Target { width: 40, height: 40 };
+        let target = Size { width: 40, height: 40 };
         let mut kept = RenderCache::default();
         let mut decodings = 0;
         let mut view = |kept: &mut RenderCache, steps: &str, method| {

@@ -7,6 +7,7 @@ use anyhow::{Context as _, Result};
 use lenslet_core::decode::{self, ViewStep};
 use lenslet_core::dictionary::{Dictionary, Interpolation};
 use lenslet_core::digest::sha256_hex;
+use lenslet_core::geometry::Size;
 use lenslet_core::progress::Observer;
 use lenslet_data_gen::simulate::SceneName;
 use ndarray::Array3;
@@ -21,8 +22,8 @@ use super::render::{RenderCache, render};
 use super::settings::Settings;
 use super::simulated_capture::SimulatedCaptures;
 use super::{crops, dictionaries, peers, scores};
+use lenslet_views::multiview;
 use lenslet_views::reconstruct;
-use lenslet_views::{Target, multiview};
 
 /// Share of lenslets hidden on real captures.
 /// Source: chosen.
@@ -78,7 +79,7 @@ fn run_simulated(
     let dictionary = dictionary_of(chain, run.seed, settings, simulated, &mut scored, observer)?;
     let capture = simulated.get(kind, run.seed, chain.noise, observer)?;
     let calibration = capture.calibration(chain.calibration, observer)?.clone();
-    let target = Target { width: capture.size.0, height: capture.size.1 };
+    let target = Size { width: capture.size.0, height: capture.size.1 };
 
     // The middle view, one at the rim of the micro-images, and the corner, where little light is left.
     let (n, middle) = (chain.views, chain.views / 2);
@@ -125,7 +126,7 @@ fn run_captured(
     let Caches { real, rendered, .. } = caches;
     let mut scored = Scored::default();
     let (capture, calibration) = real.get(path, &settings.whites, chain.calibration, observer)?;
-    let target = Target::longer((capture.mosaic.width, capture.mosaic.height), SIDE);
+    let target = Size::new(capture.mosaic.width, capture.mosaic.height).with_longer_side(SIDE);
     let middle = chain.views / 2;
     let wanted = [(middle, middle)];
     let dictionary = embedded_dictionary(chain.method)?;

@@ -11,10 +11,11 @@ use anyhow::Context as _;
 use lenslet_core::calibration::Calibration;
 use lenslet_core::container::{self, Capture};
 use lenslet_core::decode::{self, Demosaic, HexSamples, RawStep, SAMPLES_FILE, ViewStep, WhiteBalance};
+use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{self, Meta, View};
 use lenslet_core::progress::Observer;
-use lenslet_views::{Learned, Method, Renderer, Target};
+use lenslet_views::{Learned, Method, Renderer, native_size};
 use serde_json::{Value, json};
 
 use super::learned::LearnedArgs;
@@ -56,7 +57,7 @@ pub struct Args {
     view_step: f64,
     /// Size of the views: pixels of the longer side, WIDTHxHEIGHT, or native (one pixel a lenslet)
     #[arg(long, default_value = "1080", value_name = "SIZE")]
-    size: Size,
+    size: SizeChoice,
     /// Camera profile, where the files do not name their camera
     #[arg(long, value_name = "NAME")]
     profile: Option<String>,
@@ -123,21 +124,21 @@ impl std::str::FromStr for MethodName {
 
 /// `--size`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Size {
+enum SizeChoice {
     Longer(usize),
     Exactly(usize, usize),
     Native,
 }
 
-impl std::str::FromStr for Size {
+impl std::str::FromStr for SizeChoice {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
         let side = |t: &str| t.parse().ok().filter(|n| (1..=lightfield::MAX_SIDE).contains(n));
         let parsed = match (text, text.split_once('x')) {
-            ("native", _) => Some(Size::Native),
-            (_, Some((w, h))) => side(w).zip(side(h)).map(|(w, h)| Size::Exactly(w, h)),
-            _ => side(text).map(Size::Longer),
+            ("native", _) => Some(SizeChoice::Native),
+            (_, Some((w, h))) => side(w).zip(side(h)).map(|(w, h)| SizeChoice::Exactly(w, h)),
+            _ => side(text).map(SizeChoice::Longer),
         };
         parsed.ok_or_else(|| {
             format!("no size `{text}`: a number of pixels up to {}, WIDTHxHEIGHT, or native", lightfield::MAX_SIDE)
@@ -210,11 +211,11 @@ impl Args {
         }
     }
 
-    fn target(&self, samples: &HexSamples) -> Target {
+    fn target(&self, samples: &HexSamples) -> Size {
         match self.size {
-            Size::Longer(side) => Target::longer(samples.sensor, side),
-            Size::Exactly(width, height) => Target { width, height },
-            Size::Native => Target::native(samples),
+            SizeChoice::Longer(side) => Size::from(samples.sensor).with_longer_side(side),
+            SizeChoice::Exactly(width, height) => Size { width, height },
+            SizeChoice::Native => native_size(samples),
         }
     }
 
@@ -324,7 +325,7 @@ fn decode_one(
     let sampled = started.elapsed();
     let size = meta.size;
     let mut sink = lightfield::create(&job.out, meta, job.format, args.written.force)?;
-    let target = Target { width: size[1], height: size[0] };
+    let target = Size { width: size[1], height: size[0] };
     let renderer = Renderer::prepare(&samples, method, target, progress)?;
     let mut writing = std::time::Duration::ZERO;
     let mut put = |v: usize, u: usize, view: View| -> anyhow::Result<()> {

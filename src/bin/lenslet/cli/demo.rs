@@ -10,13 +10,14 @@ use anyhow::Context as _;
 use lenslet_core::calibration;
 use lenslet_core::decode::{self, HexSamples};
 use lenslet_core::dictionary::Interpolation;
+use lenslet_core::geometry::Size;
 use lenslet_core::lightfield::{ColourSpace, View, colour};
 use lenslet_core::metrics::{BORDER, Scores, Window};
 use lenslet_core::output::{self, Pending};
 use lenslet_core::progress::Observer;
 use lenslet_data_gen::simulate::{self, Camera, Lenslets, Scene, SceneName, SimulationOptions, TruthOptions};
 use lenslet_views::reconstruct;
-use lenslet_views::{InterpolatedViews, LearnedViews, Target};
+use lenslet_views::{InterpolatedViews, LearnedViews};
 use ndarray::{Array3, Axis};
 use serde_json::{Value, json};
 
@@ -92,13 +93,13 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let calibrated = calibrate(&simulation, &made.camera, args.seed, observer)?;
     calibration::save(&root.join("camera.calib"), &calibrated.found, false)?;
     let samples = decode::samples(&simulation.capture, &calibrated.found, &decode::Options::default(), observer)?;
-    let mut results = reconstruct(&samples, &Target { width: size.0, height: size.1 }, observer)?;
+    let mut results = reconstruct(&samples, &Size { width: size.0, height: size.1 }, observer)?;
     for result in &mut results {
         result.scores = result.views.iter().zip(&truth).map(|(a, b)| score(a, b)).collect::<anyhow::Result<_>>()?;
     }
     observer.check()?;
     write_pictures(&root, &results, &truth[0])?;
-    let played = play::write(&root, &samples, &Target { width: size.0, height: size.1 }, observer)?;
+    let played = play::write(&root, &samples, &Size { width: size.0, height: size.1 }, observer)?;
     let seconds = began.elapsed().as_secs_f64();
     let json = record(args, &calibrated, &results, seconds);
     let page = page::page(&made, &calibrated, &results, &truth[0], &played)?;
@@ -141,7 +142,7 @@ const LEARNED: [(&str, Interpolation, &str); 2] = [
 ];
 
 /// Every method on the scored views.
-fn reconstruct(samples: &HexSamples, target: &Target, observer: &dyn Observer) -> anyhow::Result<Vec<Reconstruction>> {
+fn reconstruct(samples: &HexSamples, target: &Size, observer: &dyn Observer) -> anyhow::Result<Vec<Reconstruction>> {
     let mut results = Vec::new();
     let mut low: Vec<(Interpolation, Vec<View>)> = Vec::new();
     for (interpolation, about) in INTERPOLATIONS {

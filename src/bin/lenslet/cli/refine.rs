@@ -3,9 +3,9 @@
 use std::time::Instant;
 
 use lenslet_core::decode::{HexSamples, find_samples_file};
+use lenslet_core::geometry::Size;
 use lenslet_core::lightfield::{self, ColourSpace, LightField, colour};
 use lenslet_core::progress::Observer as _;
-use lenslet_views::Target;
 use lenslet_views::multiview::{Options, RefinedViews, SampleSet};
 use lenslet_views::reconstruct::Enlargement;
 use ndarray::Array3;
@@ -75,7 +75,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         "tool": "lenslet", "version": env!("CARGO_PKG_VERSION"), "command": "refine",
         "input": args.source.name(), "scale": scale,
     }));
-    let target = Target { width: meta.size[1], height: meta.size[0] };
+    let target = Size { width: meta.size[1], height: meta.size[0] };
     let set = match &given {
         Given::Samples(samples) => SampleSet::hexagonal(samples, &target)?,
         Given::Field(field) => SampleSet::rectangular(field, &target)?,

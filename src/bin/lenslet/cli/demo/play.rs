@@ -9,12 +9,13 @@ use lenslet::apps::refocus::{self, ApertureShape};
 use lenslet::apps::viewer::{self, ViewerContent};
 use lenslet::image_io::{Picture, shrink};
 use lenslet_core::decode::HexSamples;
+use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::View;
 use lenslet_core::output;
 use lenslet_core::progress::Observer;
 use lenslet_views::disparity::{self, DepthOrder};
-use lenslet_views::{RenderSamples as _, Target, multiview};
+use lenslet_views::{RenderSamples as _, multiview};
 use ndarray::{Array3, Array5, s};
 
 /// The page, and the pictures of the report.
@@ -33,7 +34,7 @@ pub(super) type Pictures = Vec<(String, Array3<f32>)>;
 pub(super) fn write(
     root: &Path,
     samples: &HexSamples,
-    target: &Target,
+    target: &Size,
     observer: &dyn Observer,
 ) -> anyhow::Result<Pictures> {
     let n = samples.views;
