@@ -15,16 +15,16 @@
 //! let camera = Calibration::from_whites(&[&white])?; // white.lfp
 //! let samples = Capture::open(&image)?.decode(&camera)?; // IMG_0001.lfp; refuses another camera's calibration
 //! let learned = samples.renderer(Method::barycentric().learned()).longer_side(80).prepare()?;
-//! let centre: View = learned.view(3, 3)?; // linear light, and its type says so
+//! let centre: View = learned.view(3, 3)?; // linear light, which is part of its type
 //! assert_eq!((centre.width(), centre.height(), centre.channels()), (80, 80, 3));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! This crate gathers the ones below it: reading ([`container`]), [`calibration`], [`decode`], rendering ([`views`]), sparse coding
-//! ([`sparse`]), dictionaries ([`dictionary`], learned by `train` behind the feature of that name), light fields
-//! ([`lightfield`]) and scores ([`metrics`]). It adds [`apps`]: refocusing, depth, views from between the views, a page to
-//! play with. The `lenslet` program, behind the feature `cli` (on by default), is built on it; a program that only wants the
-//! library says `default-features = false`.
+//! This crate gathers the ones below it: reading ([`container`]), [`calibration`], [`decode`], rendering ([`views`]),
+//! sparse coding ([`sparse`]), dictionaries ([`dictionary`], learned by `train` behind the feature of that name), light
+//! fields ([`lightfield`]) and scores ([`metrics`]). It adds [`apps`]: refocusing, depth, views from between the views,
+//! a page to play with. The `lenslet` program, behind the feature `cli` (on by default), is built on it; a program that
+//! needs only the library sets `default-features = false`.
 
 pub mod apps;
 pub mod image_io;

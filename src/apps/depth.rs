@@ -1,4 +1,4 @@
-//! Disparity put to use: as colours, as a point cloud.
+//! Disparity as colours and as a point cloud.
 
 use lenslet_views::disparity::DepthOrder;
 use ndarray::{Array2, ArrayView2};
@@ -6,8 +6,8 @@ use ndarray::{Array2, ArrayView2};
 use super::error::{Error, ensure_shape};
 use crate::image_io::Picture;
 
-/// Values (t, s) as colours from deep blue (`range.0`) over green to yellow (`range.1`), their brightness rising evenly;
-/// values outside take the colour of the nearer end, those that are no numbers that of `range.0`.
+/// Values (t, s) as colours from deep blue (`range.0`) over green to yellow (`range.1`), their brightness rising
+/// evenly; values outside take the colour of the nearer end, those that are no numbers that of `range.0`.
 ///
 /// ```
 /// use lenslet::apps::depth::colour_map;
@@ -38,8 +38,9 @@ pub fn colour_map(values: &ArrayView2<f32>, range: (f32, f32)) -> Picture {
     Picture { width, height, rgb }
 }
 
-/// A binary PLY point cloud: x right, y up, z towards the viewer, in pixels of the view, `depth` pixels from the furthest
-/// (smallest or largest disparity, by `order`) to the nearest; colour and confidence at each point. Points less confident than `least` are left out.
+/// A binary PLY point cloud: x right, y up, z towards the viewer, in pixels of the view, `depth` pixels from the
+/// furthest (smallest or largest disparity, by `order`) to the nearest; colour and confidence at each point. Points
+/// less confident than `least` are left out.
 ///
 /// # Errors
 /// [`Error::Shape`] when the sizes differ.

@@ -8,10 +8,10 @@ use crate::image_io;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A setting out of range, or an aperture without weight: the caller's.
+    /// A setting out of range, or an aperture without weight: a mistake of the caller.
     #[error("{0}")]
     Parameter(String),
-    /// Light fields, maps and pictures whose sizes do not belong together: the input's.
+    /// Light fields, maps and pictures whose sizes do not belong together: a fault of the input.
     #[error("{0}")]
     Shape(String),
     /// A page that would be larger than allowed.

@@ -9,8 +9,8 @@ use lenslet_views::disparity;
 
 use super::error::{Error, ensure_parameter, ensure_shape};
 
-/// Rows of the picture made together: every row of a view is fetched once for the four output rows it enters, and the sums
-/// of a band stay in the cache of a core.
+/// Rows of the picture made together: every row of a view is fetched once for the four output rows it enters, and the
+/// sums of a band stay in the cache of a core.
 /// Source: chosen.
 const BAND: usize = 16;
 
@@ -50,13 +50,13 @@ pub fn aperture_weights(views: (usize, usize), size: f32, shape: ApertureShape) 
     })
 }
 
-/// Refocuses the light field (v, u, t, s, c) at `disparity` (output pixels per view step) with the view weights `aperture`.
-/// Pixels that a shifted view does not reach take the mean of the others. Shape (t, s, c). Values are in linear light, as
-/// [`super::to_linear_light`] makes them.
+/// Refocuses the light field (v, u, t, s, c) at `disparity` (output pixels per view step) with the view weights
+/// `aperture`. Pixels that a shifted view does not reach take the mean of the others. Shape (t, s, c). Values are in
+/// linear light, as [`super::to_linear_light`] makes them.
 ///
 /// # Errors
-/// [`Error::Shape`] for weights of another shape or a light field not in standard layout, [`Error::Parameter`] for weights
-/// that are negative or all zero and for a disparity that is not a number.
+/// [`Error::Shape`] for weights of another shape or a light field not in standard layout, [`Error::Parameter`] for
+/// weights that are negative or all zero and for a disparity that is not a number.
 ///
 /// ```
 /// use lenslet::apps::refocus::{ApertureShape, aperture_weights, refocus};

@@ -1,5 +1,5 @@
-//! Views from between the views: every pixel is the mean of the four neighbouring views, each read where its disparity puts
-//! the same scene point.
+//! Views from between the views: every pixel is the mean of the four neighbouring views, each read where its disparity
+//! puts the same scene point.
 
 use ndarray::{Array2, Array3, ArrayView5};
 use rayon::prelude::*;
@@ -21,7 +21,8 @@ pub enum ViewpointPath {
     Vertical,
 }
 
-/// `frames` viewpoints (u, v) from the middle view, `radius` view steps away at most; the last is followed by the first.
+/// `frames` viewpoints (u, v) from the middle view, `radius` view steps away at most; the last is followed by the
+/// first.
 ///
 /// ```
 /// use lenslet::apps::viewpoint::{ViewpointPath, viewpoints_along};
@@ -42,8 +43,9 @@ pub fn viewpoints_along(path: ViewpointPath, radius: f32, frames: usize) -> Vec<
         .collect()
 }
 
-/// The view from (`u`, `v`) view steps right of and below the middle view of `data` (v, u, t, s, c), `disparity` being the
-/// middle view's (t, s), nearer by `order`; what has the disparity `hold` stays where it is in the frame. Shape (t, s, c).
+/// The view from (`u`, `v`) view steps right of and below the middle view of `data` (v, u, t, s, c), `disparity` being
+/// the middle view's (t, s), nearer by `order`; what has the disparity `hold` stays where it is in the frame. Shape
+/// (t, s, c).
 ///
 /// # Errors
 /// [`Error::Parameter`] for a viewpoint outside of the views or a `hold` that is not a number, [`Error::Shape`] for a

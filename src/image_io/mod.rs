@@ -1,4 +1,5 @@
-//! Pictures for the screen and for files: views to 8-bit sRGB, encoded in memory as PNG, JPEG, animated PNG or animated GIF.
+//! Pictures for the screen and for files: views to 8-bit sRGB, encoded in memory as PNG, JPEG, animated PNG or animated
+//! GIF.
 
 mod animation;
 mod error;

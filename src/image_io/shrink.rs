@@ -2,8 +2,9 @@
 
 use ndarray::{Array3, ArrayView3};
 
-/// A picture (t, s, c) whose longer side is at most `side` pixels: each pixel is the mean of the box it covers, boundary
-/// pixels counted by the share that lies inside. Pictures that are small enough, and `side` 0, give the picture unchanged.
+/// A picture (t, s, c) whose longer side is at most `side` pixels: each pixel is the mean of the box it covers,
+/// boundary pixels counted by the share that lies inside. A picture that is small enough is returned unchanged, as is
+/// any with `side` 0.
 ///
 /// ```
 /// use lenslet::image_io::shrink;

@@ -34,8 +34,8 @@ pub fn escape_html(text: &str) -> String {
     out
 }
 
-/// The content-security policy of a page with the given inline script and style: it allows these two, by their SHA-256, and
-/// embedded pictures, nothing else.
+/// The content-security policy of a page with the given inline script and style: it allows these two, by their SHA-256,
+/// and embedded pictures, nothing else.
 pub fn content_security_policy(script: &str, style: &str) -> String {
     let hash = |text: &str| STANDARD.encode(Sha256::digest(text.as_bytes()));
     format!(
@@ -45,8 +45,8 @@ pub fn content_security_policy(script: &str, style: &str) -> String {
     )
 }
 
-/// A whole HTML document with its title (any text, escaped here), one style, a body of HTML and the script at its end, under
-/// the [`content_security_policy`] of the two.
+/// A whole HTML document with its title (any text, escaped here), one style, a body of HTML and the script at its end,
+/// under the [`content_security_policy`] of the two.
 pub fn html_document(title: &str, style: &str, body: &str, script: &str) -> String {
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n\

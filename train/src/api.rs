@@ -26,9 +26,9 @@ pub struct TrainingOutcome {
 
 /// Trains a dictionary on the photos (files, or folders that are searched).
 ///
-/// With a `checkpoint` file, the state is saved there after every epoch; with `resume` a run goes on from it, to the very
-/// dictionary that the uninterrupted run gives. `log` is called with every epoch, first with those of the checkpoint. A checkpoint that
-/// cannot be written is noted, and training goes on.
+/// With a `checkpoint` file, the state is saved there after every epoch; with `resume` a run goes on from it, to the
+/// very dictionary that the uninterrupted run gives. `log` is called with every epoch, first with those of the
+/// checkpoint. A checkpoint that cannot be written is noted, and training goes on.
 ///
 /// # Errors
 /// Parameters out of range, no usable photo, a checkpoint of another run, [`Error::Interrupted`].

@@ -11,7 +11,8 @@ use crate::error::Error;
 /// Source: Aharon, Elad and Bruckstein 2006, whose software replaces atoms from 0.99 on.
 const COHERENT: f32 = 0.99;
 
-/// `count` signals chosen at random, made unit; those nearly parallel to an earlier one are passed over as long as there is a choice.
+/// `count` signals chosen at random, made unit; those nearly parallel to an earlier one are passed over as long as
+/// there is a choice.
 ///
 /// # Errors
 /// [`Error::TooLittle`] when there are fewer signals than atoms.

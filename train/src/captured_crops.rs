@@ -1,6 +1,6 @@
 //! Training crops of views refined by all the others (paper 4.3, then 4.4): photos stand at several depths before the
-//! simulated camera; its captures are calibrated, decoded and refined as a user's would be, noise, colour filters, jitter of
-//! the lenslets and errors of disparity included. The truth is the scene as a lenslet sees it.
+//! simulated camera; its captures are calibrated, decoded and refined as a user's would be, noise, colour filters,
+//! jitter of the lenslets and errors of disparity included. The truth is the scene as a lenslet sees it.
 
 use std::path::PathBuf;
 
@@ -39,12 +39,13 @@ const TAKEN: usize = 4;
 /// Most noise of a capture, as in [`simulate::SimulationOptions`].
 const NOISE: f64 = 3.0;
 
-/// Crops for [`crate::train_on_crops`] from photos (files, or folders that are searched): twice `parameters.pairs.crops` for
-/// every photo that trains, of `parameters.pairs.crop` pixels a side; every `held_out`-th photo only before captures that do not
-/// train. For every two captures of photos there is one of a drawn scene, of a seed of its own.
+/// Crops for [`crate::train_on_crops`] from photos (files, or folders that are searched): twice
+/// `parameters.pairs.crops` for every photo that trains, of `parameters.pairs.crop` pixels a side; every `held_out`-th
+/// photo only before captures that do not train. For every two captures of photos there is one of a drawn scene, each
+/// with another seed.
 ///
-/// Each capture has a disparity of its own between −0.35 and 0.35 pitches a sensor pixel, often near 0 where views have the
-/// same samples all over again, and noise between none and three times a camera's, mostly little.
+/// Each capture has another disparity, between −0.35 and 0.35 pitches a sensor pixel, often near 0 where views have
+/// the same samples all over again, and noise between none and three times a camera's, mostly little.
 ///
 /// # Errors
 /// No usable photo, interruption, a pitch that no camera has.

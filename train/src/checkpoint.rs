@@ -1,5 +1,5 @@
-//! Checkpoints: everything a run needs to go on as if it had never stopped, in one file beside the output: a .npz and, after it,
-//! the SHA-256 of its bytes. The arrays are read only where it matches.
+//! Checkpoints: everything a run needs to go on as if it had never stopped, in one file beside the output: a .npz and,
+//! after it, the SHA-256 of its bytes. The arrays are read only where it matches.
 
 use std::io::Cursor;
 use std::path::Path;

@@ -1,9 +1,9 @@
 //! K-SVD (Aharon, Elad and Bruckstein 2006): min over D, A of ‖X − AD‖² with unit atoms, the rows of D, and at most T
 //! non-zeros in a row of A.
 //!
-//! Codes by Batch-OMP (Rubinstein, Zibulevsky and Elad 2008), then each atom with its coefficients, the others fixed. With E
-//! the residual of the signals that use atom d (rows) without its part, and g its coefficients, both go to the rank-one
-//! matrix g·dᵀ nearest to E: exactly by the leading singular pair of E, approximately by one alternation
+//! Codes by Batch-OMP (Rubinstein, Zibulevsky and Elad 2008), then each atom with its coefficients, the others fixed.
+//! With E the residual of the signals that use atom d (rows) without its part, and g its coefficients, both go to the
+//! rank-one matrix g·dᵀ nearest to E: exactly by the leading singular pair of E, approximately by one alternation
 //! d ← Eᵀg/‖Eᵀg‖, g ← E·d, which is one power iteration towards it (Rubinstein 2008, section 3).
 
 use lenslet_core::linalg::thin_svd;
@@ -18,7 +18,7 @@ use crate::error::Error;
 use crate::parameters::KsvdUpdate;
 use crate::trace::EpochSummary;
 
-/// Candidates for each replaced atom: so many of the signals with the largest residuals, of which chance picks one.
+/// Candidates for each replaced atom: this many signals with the largest residuals, of which one is drawn at random.
 /// Source: chosen.
 const CANDIDATES: usize = 4;
 
@@ -157,7 +157,8 @@ impl Occurrence<'_> {
         (norm > 1e-12 && norm.is_finite()).then(|| new.iter().map(|v| (v / norm) as f32).collect())
     }
 
-    /// The right singular vector of E of the largest singular value, on the side of the old atom; `None` when E is zero.
+    /// The right singular vector of E of the largest singular value, on the side of the old atom; `None` when E is
+    /// zero.
     fn singular_atom(&self, m: usize) -> Result<Option<Vec<f32>>, Error> {
         let e = Array2::from_shape_fn((self.users.len(), m), |(i, j)| {
             let (n, entry) = self.users[i];

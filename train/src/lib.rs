@@ -1,9 +1,10 @@
 //! Learning of coupled dictionaries Dh, Dl from photos (paper section 4.4, eq. (3)).
 //!
-//! min over D = [Dh; Dl] and codes α of ½‖X − Dα‖² + λ‖α‖₁ (or at most `nonzeros` non-zeros a pair), where a column of X
-//! stacks the normalised low features and the scaled residual of one pair. Three ways to the minimum ([`Algorithm`]); then
-//! Dh by least squares on the codes of eq. (4), both refined together through the active set ([`refine`]), regressors
-//! anchored in the feature space for the fast path ([`anchored`]) and, where it is asked for, a small network ([`network`]).
+//! min over D = [Dh; Dl] and codes α of ½‖X − Dα‖² + λ‖α‖₁ (or at most `nonzeros` non-zeros a pair), where a column of
+//! X stacks the normalised low features and the scaled residual of one pair. Three ways to the minimum ([`Algorithm`]);
+//! then Dh by least squares on the codes of eq. (4), both refined together through the active set ([`refine`]),
+//! regressors anchored in the feature space for the fast path ([`anchored`]) and, where it is asked for, a small
+//! network ([`network`]).
 //!
 //! [`train_dictionary`] does all of it; the modules are its parts, for experiments with one of them.
 //!

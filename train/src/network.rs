@@ -26,11 +26,11 @@ const CHUNK: usize = 128;
 /// Source: Kingma and Ba 2015, algorithm 1.
 const EPSILON: f32 = 1e-8;
 
-/// Learns a network on crops: filters, then layers. `emphasis` as in [`crate::RefinementParameters`]; at most `most` pairs;
-/// `step` is called with the size of every batch.
+/// Learns a network on crops: filters, then layers. `emphasis` as in [`crate::RefinementParameters`]; at most `most`
+/// pairs; `step` is called with the size of every batch.
 ///
 /// # Errors
-/// Too few textured patches, crops without the images wanted beside the low one, what `step` returns.
+/// Too few textured patches, crops without the side inputs, what `step` returns.
 pub fn learn_network(
     crops: &[Crop],
     parameters: &NetworkParameters,
@@ -42,7 +42,7 @@ pub fn learn_network(
 ) -> Result<Network, Error> {
     let p = parameters;
     if crops.iter().any(|c| c.side_inputs.len() < p.side_inputs.len()) {
-        return Err(Error::Parameter("network: only captures of one's own have images beside the low one".into()));
+        return Err(Error::Parameter("network: these crops have no side inputs, which only simulated captures have".into()));
     }
     let support = p.window + 4;
     let mut filters = vec![pairs::learn_filters(crops, p.window, p.features[0])?.0];

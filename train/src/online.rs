@@ -140,8 +140,9 @@ pub fn online_epoch(
     Ok(summary)
 }
 
-/// One epoch of the batch method (`ista`): proximal gradient codes of all signals, then sweeps over the atoms on exactly
-/// their statistics. The mean objective never rises from one epoch to the next, but for replaced coherent atoms.
+/// One epoch of the batch method (`ista`): proximal gradient codes of all signals, then sweeps over the atoms on
+/// exactly their statistics. The mean objective never rises from one epoch to the next, but for replaced coherent
+/// atoms.
 ///
 /// # Errors
 /// What the solver reports.

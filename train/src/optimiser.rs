@@ -13,7 +13,8 @@ const UNBIASED: u64 = 100_000;
 /// Source: chosen.
 const LAST: f32 = 0.02;
 
-/// Factor of the first step at `done` (0..1) of the way, falling from 1 to 0.02 as half a cosine (Loshchilov and Hutter 2017).
+/// Factor of the first step at `done` (0..1) of the way, falling from 1 to 0.02 as half a cosine (Loshchilov and Hutter
+/// 2017).
 ///
 /// ```
 /// use lenslet_train::optimiser::cosine_annealed;

@@ -6,7 +6,8 @@ use crate::error::Error;
 use crate::parameters::Parameters;
 use crate::trace::Epoch;
 
-/// The recipe of a finished run: parameters, photos with their hashes, held-out scores; no times, which differ from run to run.
+/// The recipe of a finished run: parameters, photos with their hashes, held-out scores; no times, which differ from run
+/// to run.
 ///
 /// # Errors
 /// [`Error::Parameter`] for numbers that JSON cannot hold.

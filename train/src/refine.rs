@@ -114,7 +114,7 @@ pub fn bilevel_gradient(
 }
 
 /// Adds the gradient and the error of pair `n` to `part`.
-#[allow(clippy::too_many_arguments)] // the inner loop's own
+#[allow(clippy::too_many_arguments)] // the inner loop
 fn add_gradient(
     low: &Array2<f32>,
     high: &Array2<f32>,
@@ -160,8 +160,8 @@ fn root_mean_square(a: &Array2<f32>) -> f32 {
     (a.iter().map(|p| p * p).sum::<f32>() / a.len() as f32).sqrt()
 }
 
-/// One epoch over the pairs in random order; the step falls from `rates.0` to `rates.1`. Returns the mean weighted error
-/// of the batches as they were met, and the mean number of non-zeros.
+/// One epoch over the pairs in random order; the step falls from `rates.0` to `rates.1`. Returns the mean weighted
+/// error of the batches as they were met, and the mean number of non-zeros.
 ///
 /// # Errors
 /// What the solver reports.
@@ -187,7 +187,7 @@ pub fn refinement_epoch(
         weight += weights.iter().map(|w| f64::from(*w)).sum::<f64>();
         state.steps += 1;
         let rate = rates.0 + (rates.1 - rates.0) * i as f32 / count as f32;
-        // Steps are relative to the size of what moves.
+        // Learning rates are relative to the root mean square of the atoms.
         let (low_rate, high_rate) = (rate * root_mean_square(&state.low), rate * root_mean_square(&state.high));
         state.low_moments.step(&mut state.low, &dl, low_rate, EPSILON, state.steps);
         state.high_moments.step(&mut state.high, &dh, high_rate, EPSILON, state.steps);

@@ -1,5 +1,6 @@
-//! The stages of a training run: pairs → atoms by eq. (3) → Dh → refinement → anchors → network, one model a footprint, with
-//! checkpoints and scores. Each stage has a random stream of its own, so that a resumed run draws what the whole one draws.
+//! The stages of a training run: pairs → atoms by eq. (3) → Dh → refinement → anchors → network, one model a footprint,
+//! with checkpoints and scores. Each stage has a separate random stream, so that a resumed run draws what the whole
+//! one draws.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -116,8 +117,8 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Saves the checkpoint. Training goes on without one (a full disk may have room again after the next epoch); the
-    /// one before stays.
+    /// Saves the checkpoint. When that fails (a full disk may have room again after the next epoch) training goes on,
+    /// and the checkpoint before stays.
     fn save_state(&self) {
         if let Some(path) = self.path
             && let Err(e) = save_checkpoint(path, &self.state)

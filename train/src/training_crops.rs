@@ -40,7 +40,7 @@ impl Split {
     }
 }
 
-/// The first three quarters of a photo along its longer side, and the rest where it is large enough to be of use.
+/// The first three quarters of a photo along its longer side, and the rest where it is large enough for crops.
 fn cut_apart(photo: &LuminancePhoto) -> (LuminancePhoto, Option<LuminancePhoto>) {
     let (h, w) = photo.luminance.dim();
     let axis = Axis(usize::from(w > h));
@@ -68,8 +68,8 @@ pub struct TrainingCrops {
 }
 
 /// Reads the photos and cuts crops, some of them held out of training: one of every n-th photo; where there are fewer
-/// photos those of the last one; of one to three photos a quarter each. A photo that cannot be used is noted and left out.
-/// One photo is in memory at a time.
+/// photos those of the last one; of one to three photos a quarter each. A photo that cannot be used is noted and left
+/// out. One photo is in memory at a time.
 ///
 /// # Errors
 /// When no photo is left, or paths or parameters are wrong.
@@ -123,7 +123,7 @@ mod tests {
     fn photos(folder: &std::path::Path, count: u32) -> Vec<PathBuf> {
         let save = |n: u32| {
             let path = folder.join(format!("{n}.png"));
-            // The column is in the grey value: crops tell where they come from.
+            // The grey value encodes the column, from which the place of a crop follows.
             image::GrayImage::from_fn(400, 100, |x, y| image::Luma([(x / 2) as u8 + (y % 3) as u8]))
                 .save(&path)
                 .unwrap();

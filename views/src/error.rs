@@ -7,10 +7,10 @@ use lenslet_core::{decode, dictionary, lightfield, sampling};
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// An option out of range, or options that contradict each other: the caller's.
+    /// An option out of range, or options that contradict each other: a mistake of the caller.
     #[error("{0}")]
     Parameter(String),
-    /// Samples, views or images whose shapes do not belong together: the input's.
+    /// Samples, views or images whose shapes do not belong together: a fault of the input.
     #[error("{0}")]
     Shape(String),
     /// Disparity.
@@ -28,7 +28,7 @@ pub enum Error {
     /// A light field that cannot be read or written.
     #[error(transparent)]
     LightField(#[from] lightfield::Error),
-    /// Arrays of other sizes than they should have: the input's.
+    /// Arrays of other sizes than they should have: a fault of the input.
     #[error("shapes do not belong together: {0}")]
     Array(#[from] ndarray::ShapeError),
     /// The observer asked to stop.

@@ -2,8 +2,8 @@
 //! refinement by all views, and learned reconstruction with a dictionary on top of either.
 //!
 //! [`RenderSamples::renderer`] is the way in: `samples.renderer(Method::multiview().learned()).prepare()?.view(3, 3)?`.
-//! Nothing here prints, exits or depends on a command line; errors are typed ([`Error`]). Parallel loops run on the caller's
-//! rayon pool.
+//! Nothing here prints, exits or depends on a command line; errors are typed ([`Error`]). Parallel loops run on the
+//! caller's rayon pool.
 
 pub mod disparity;
 mod error;

@@ -20,7 +20,7 @@ pub struct Crop {
     pub high: Array2<f32>,
     /// The low image.
     pub low: Array2<f32>,
-    /// Other images of the same view that a network takes beside the low one, of the same shape; mostly none.
+    /// Side inputs of a network: other images of the same view, of the same shape; usually none.
     pub side_inputs: Vec<Array2<f32>>,
 }
 
@@ -38,7 +38,8 @@ fn whole_samples(n: usize, degradation: &Degradation) -> usize {
 pub struct CropOptions {
     /// Side of a crop, pixels, at least 1; default 256. Smaller photos give smaller crops.
     pub size: usize,
-    /// Factor by which photos are made smaller first, 1..=1000; default 1.5. It tames the blocks of JPEG.
+    /// Factor by which photos are made smaller first, 1..=1000; default 1.5. This suppresses the block artefacts of
+    /// JPEG.
     pub shrink: f64,
     /// What the camera makes of a crop.
     pub degradation: Degradation,
@@ -52,8 +53,8 @@ impl Default for CropOptions {
     }
 }
 
-/// `count` random crops of a photo, degraded, without the borders that the degradation spoils. `index` is the number of the
-/// photo. A photo that is too small to be shrunk as far as asked is shrunk less, down to not at all.
+/// `count` random crops of a photo, degraded, without the borders that the degradation spoils. `index` is the number of
+/// the photo. A photo that is too small to be shrunk as far as asked is shrunk less, down to not at all.
 ///
 /// # Errors
 /// Parameters out of range, or a photo smaller than a crop.

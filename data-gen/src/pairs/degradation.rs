@@ -1,5 +1,5 @@
-//! What a camera and plain interpolation make of a sharp plane: the hexagonal drop and its re-interpolation (paper section
-//! 4.4), or the rectangular grid of super-resolution protocols.
+//! What a camera and plain interpolation make of a sharp plane: the hexagonal drop and its re-interpolation (paper
+//! section 4.4), or the rectangular grid of super-resolution protocols.
 
 use lenslet_core::dictionary::Footprint;
 use lenslet_core::interpolation::Interpolation;

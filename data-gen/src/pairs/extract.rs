@@ -1,4 +1,5 @@
-//! Patch pairs out of crops (paper section 4.4, after its ref. [22]): features of the low image and the residual high − low.
+//! Patch pairs out of crops (paper section 4.4, after its ref. [22]): features of the low image and the residual high −
+//! low.
 
 use lenslet_core::dictionary::{extract_features, pad_mirrored};
 use ndarray::Array2;
@@ -26,9 +27,9 @@ pub struct Pairs {
     pub photos: Vec<u32>,
 }
 
-/// Pairs from all crops, in order of the crops, near duplicates left out. The first `filters_per_input[0]` rows of `filters`
-/// (windows of `options.window` + 4 pixels) are applied to the low image, the next `filters_per_input[1]` to the difference of
-/// the first side input and the low image, and so on.
+/// Pairs from all crops, in order of the crops, near duplicates left out. The first `filters_per_input[0]` rows of
+/// `filters` (windows of `options.window` + 4 pixels) are applied to the low image, the next `filters_per_input[1]` to
+/// the difference of the first side input and the low image, and so on.
 ///
 /// Memory: the pairs once, and those of a few crops.
 ///
@@ -185,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn images_beside_give_features_of_their_differences() {
+    fn side_inputs_give_features_of_their_differences() {
         let mut crops = [crop()];
         let (low, _) = learn_filters(&crops, 5, 6).unwrap();
         let options = PatchOptions {
@@ -205,7 +206,7 @@ mod tests {
         let both = ndarray::concatenate(ndarray::Axis(0), &[low.view(), beside.view()]).unwrap();
         let found = extract_pairs(&crops, &both, &[6, 3], &options).unwrap();
         assert_eq!(found.features.dim(), (40, 9));
-        // What the image beside is looks like a low image of its own, if nothing else is seen.
+        // The difference to the side input, taken as the low image of another crop, gives the same features.
         let difference = &crops[0].side_inputs[0] - &crops[0].low;
         let alone = Crop { low: difference, ..crops[0].clone() };
         let plain = extract_pairs(std::slice::from_ref(&alone), &beside, &[beside.nrows()], &options).unwrap();

@@ -16,8 +16,8 @@ const STRIDE: usize = 9;
 /// Source: chosen.
 const MOST_WINDOWS: usize = 4096;
 
-/// Feature filters learned from windows of all crops (m×(window+4)², m = `features`), and the part of the gradients' energy
-/// that they keep.
+/// Feature filters learned from windows of all crops (m×(window+4)², m = `features`), and the part of the gradients'
+/// energy that they keep.
 ///
 /// # Errors
 /// No crops, parameters out of range, or crops without any gradient.
@@ -42,8 +42,8 @@ pub fn learn_filters(crops: &[Crop], window: usize, features: usize) -> Result<(
     Ok(dictionary::learn_filters(moments.view(), window, features)?)
 }
 
-/// Filters of windows of `support` pixels for the difference between side input `which` and the low image: its `features`
-/// strongest principal components, one a row, and the part of its energy that they keep.
+/// Filters of windows of `support` pixels for the difference between side input `which` and the low image: its
+/// `features` strongest principal components, one a row, and the part of its energy that they keep.
 ///
 /// # Errors
 /// Parameters out of range, crops without that image, or without a difference.
@@ -55,7 +55,7 @@ pub fn learn_difference_filters(
 ) -> Result<(Array2<f32>, f64), Error> {
     PatchOptions { window: support.saturating_sub(4), patch: 1, ..PatchOptions::default() }.check()?;
     if crops.iter().any(|c| c.side_inputs.len() <= which) {
-        return Err(Error::Parameter(format!("crops without image {which} beside the low one")));
+        return Err(Error::Parameter(format!("the crops have no side input {which}")));
     }
     let moments = moments(crops, support, &|crop| &crop.side_inputs[which] - &crop.low, false);
     Ok(dictionary::learn_components(moments.view(), features)?)

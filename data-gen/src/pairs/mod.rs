@@ -1,5 +1,5 @@
-//! Training pairs out of photos (paper section 4.4): photo → luminance crop → hexagonal samples → interpolation → pairs of
-//! low features and residual patches.
+//! Training pairs out of photos (paper section 4.4): photo → luminance crop → hexagonal samples → interpolation → pairs
+//! of low features and residual patches.
 //!
 //! Random streams are named by (seed, photo, crop): a crop is the same whatever else is made.
 

@@ -2,7 +2,8 @@
 
 use std::collections::HashMap;
 
-/// Two pairs are near duplicates when both their features and their residuals differ by less than this part of the norm.
+/// Two pairs are near duplicates when both their features and their residuals differ by less than this part of the
+/// norm.
 /// Source: chosen.
 const NEAR: f32 = 0.1;
 /// Leading features, the strongest components, whose rounded values name the bucket that is searched.
@@ -12,8 +13,8 @@ const LEADING: usize = 6;
 /// Source: chosen; bounds the time for buckets of many members.
 const COMPARED: usize = 16;
 
-/// The pairs so far, in buckets of rounded unit features. Near duplicates on two sides of a rounding border are missed; what
-/// is found depends only on the pairs and their order.
+/// The pairs so far, in buckets of rounded unit features. Near duplicates on two sides of a rounding border are missed;
+/// what is found depends only on the pairs and their order.
 #[derive(Debug, Default)]
 pub(super) struct NearDuplicates {
     buckets: HashMap<[i8; LEADING + 1], Vec<u32>>,
@@ -21,8 +22,8 @@ pub(super) struct NearDuplicates {
 }
 
 impl NearDuplicates {
-    /// Whether the last row of `features` (rows of `m`) and `residuals` (rows of `p`) has no near duplicate before it; then it
-    /// is kept in a bucket, otherwise the caller must remove the row.
+    /// Whether the last row of `features` (rows of `m`) and `residuals` (rows of `p`) has no near duplicate before it;
+    /// then it is kept in a bucket, otherwise the caller must remove the row.
     pub(super) fn is_new(&mut self, features: &[f32], residuals: &[f32], m: usize, p: usize) -> bool {
         let row = self.seen as usize;
         let (f, r) = (&features[row * m..(row + 1) * m], &residuals[row * p..(row + 1) * p]);

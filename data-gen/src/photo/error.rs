@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use lenslet_core::progress::Interrupted;
 
-/// What goes wrong with photos. Reasons are part of the message and no sources of their own.
+/// What goes wrong with photos. Reasons are part of the message; `source` gives none of them.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -13,7 +13,7 @@ pub enum Error {
     Read {
         /// Which one.
         path: PathBuf,
-        /// What the system says.
+        /// The system's reason.
         reason: std::io::Error,
     },
     /// A file is no picture, a damaged one, or one that needs too much memory.
@@ -21,7 +21,7 @@ pub enum Error {
     Decode {
         /// Which file.
         path: PathBuf,
-        /// What the decoder says.
+        /// The decoder's reason.
         reason: image::ImageError,
     },
     /// A file is longer than any photo.

@@ -25,12 +25,13 @@ pub struct LuminancePhoto {
     pub luminance: Array2<f32>,
 }
 
-/// Reads a photo of any size the `image` crate can decode (8 or 16 bit, grey or colour; transparency is ignored), turned
-/// upright by its EXIF orientation. `encoding` is what the file's values are: sRGB-encoded ones are taken as they are,
-/// linear ones are encoded first, channel by channel.
+/// Reads a photo of any size the `image` crate can decode (8 or 16 bit, grey or colour; transparency is ignored),
+/// turned upright by its EXIF orientation. `encoding` is what the file's values are: sRGB-encoded ones are taken as
+/// they are, linear ones are encoded first, channel by channel.
 ///
 /// # Errors
-/// When the file cannot be read or decoded, takes more than 1 GiB, is smaller than `least` pixels a side, or of one colour.
+/// When the file cannot be read or decoded, takes more than 1 GiB, is smaller than `least` pixels a side, or of one
+/// colour.
 pub fn load_luminance(path: &Path, least: usize, encoding: ColourSpace) -> Result<LuminancePhoto, Error> {
     let decoded = decode_photo(path, least, usize::MAX)?;
     let luminance = luminance_of(&decoded.picture, encoding);
@@ -91,7 +92,7 @@ mod tests {
         assert_eq!(photo.sha256.len(), 64);
     }
 
-    /// A JPEG whose EXIF block says how the camera was held.
+    /// A JPEG with an orientation in its EXIF block.
     fn turned(photo: &image::GrayImage, orientation: u8) -> Vec<u8> {
         let mut jpeg = Vec::new();
         image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 95).encode_image(photo).unwrap();

@@ -7,7 +7,7 @@ use ndarray::{Array2, ArrayView2};
 
 use super::error::Error;
 
-/// ReductionKernel of a reduction, widened by its factor.
+/// The kernel of a reduction; it is widened by the reduction's factor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ReductionKernel {
     /// Lanczos-3, the sharper one.

@@ -49,8 +49,8 @@ impl PhotoSet {
         self.files.is_empty()
     }
 
-    /// Calls `visit` for every usable photo with its number among those, its path and its luminance. A photo that cannot be
-    /// used is noted and left out.
+    /// Calls `visit` for every usable photo with its number among those, its path and its luminance. A photo that
+    /// cannot be used is noted and left out.
     ///
     /// # Errors
     /// [`Error::NoUsablePhoto`], interruption, what `visit` returns.

@@ -1,4 +1,4 @@
-//! The simulated lenslet camera: size of its sensor, grid of lenslets, optics, response to light, and what it says of itself.
+//! The simulated lenslet camera: size of its sensor, grid of lenslets, optics, response to light, metadata.
 //!
 //! The light at distance r from the centre of a lenslet, in half pitches, is
 //! `max(floor, 1 − falloff·r²)` (parabolic) or `floor + (1 − floor)·exp(−r²/(2 sigma²))` (Gaussian).
@@ -77,7 +77,8 @@ impl Default for Optics {
 /// How the sensor turns light into numbers. The default is that of a Lytro F01.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SensorResponse {
-    /// White balance, colour matrix, gamma; what the capture's metadata says is what the sensor does.
+    /// White balance, colour matrix, gamma: those of the capture's metadata, which the simulated sensor follows
+    /// exactly.
     pub colour: ColourFacts,
     /// Share of full scale that R, G, B of a white image reach (its light is not the scene's), 0.01..=1.
     pub white_response: [f64; 3],
@@ -105,10 +106,10 @@ impl Default for SensorResponse {
     }
 }
 
-/// What the camera writes about itself.
+/// The metadata that the camera writes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CameraIdentity {
-    /// Model, as its metadata says; default F01.
+    /// Model in its metadata; default F01.
     pub model: String,
     /// Exposure bias its metadata states (EV); default −1.
     pub exposure_bias: f64,
@@ -142,13 +143,13 @@ pub struct Camera {
     /// Where the lenslets are.
     #[serde(flatten)]
     pub lenslets: LensletGrid,
-    /// What happens to the light.
+    /// Main lens and lenslets.
     #[serde(flatten)]
     pub optics: Optics,
-    /// What the sensor makes of it.
+    /// The sensor.
     #[serde(flatten)]
     pub response: SensorResponse,
-    /// What the metadata say.
+    /// The metadata.
     #[serde(flatten)]
     pub identity: CameraIdentity,
 }
@@ -171,8 +172,8 @@ impl Camera {
         Camera { sensor: (side, side), ..Camera::default() }
     }
 
-    /// A camera with the sensor, lenslets and colours of a profile (those of its measured body where it has one); the rest is
-    /// that of [`Camera::default`].
+    /// A camera with the sensor, lenslets and colours of a profile (those of its measured body where it has one); the
+    /// rest is that of [`Camera::default`].
     pub fn from_profile(profile: &CameraProfile) -> Camera {
         let default = Camera::default();
         let sensor = &profile.sensor;

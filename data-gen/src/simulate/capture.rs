@@ -10,7 +10,7 @@ use super::options::SimulationOptions;
 use super::scene::Scene;
 use super::sensor::{expose_scene, expose_white, record_mosaic, white_pattern};
 
-/// A capture with its white images and what is true about it.
+/// A capture with its white images and its true lenslet centres.
 #[derive(Debug, Clone)]
 pub struct Simulation {
     /// The capture of the scene.

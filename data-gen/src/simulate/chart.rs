@@ -1,4 +1,5 @@
-//! Charts: resolution (sector star, line pairs, slanted edge, letters), 24 colours, plain white. Their places are known.
+//! Charts: resolution (sector star, line pairs, slanted edge, letters), 24 colours, plain white. Their places are
+//! known.
 
 use std::f64::consts::FRAC_PI_2;
 

@@ -20,7 +20,8 @@ pub fn hash_unit(x: i32, y: i32, seed: u32) -> f32 {
     (h >> 8) as f32 / 16_777_216.0
 }
 
-/// The largest whole number not above `x`; without a call into the mathematical library, which noise would spend its time in.
+/// The largest whole number not above `x`; without a call into the mathematical library, in which noise would spend
+/// most of its time.
 #[inline]
 pub fn floor_i32(x: f64) -> i32 {
     let whole = x as i32;
@@ -39,7 +40,8 @@ pub fn value_noise(x: f64, y: f64, seed: u32) -> f32 {
     2.0 * mix(top, bottom, sv) - 1.0
 }
 
-/// Octaves of noise from `period` down to `finest` (pitches), each weighed by `fall` against the one before; about −1..1.
+/// Octaves of noise from `period` down to `finest` (pitches), each weighed by `fall` against the one before; about
+/// −1..1.
 pub fn fractal_noise(x: f64, y: f64, period: f64, finest: f64, fall: f32, seed: u32) -> f32 {
     const COS: f64 = 0.764_842_187_284_488_5;
     const SIN: f64 = 0.644_217_687_237_691;

@@ -1,7 +1,7 @@
-//! Where the lenslets of a camera are, each with its small error of its own.
+//! Where the lenslets of a camera are, each with a small position error.
 //!
 //! Lenslet (i, j) of the unturned lattice sits at ((i + (j mod 2)/2)·pitch, j·pitch·√3/2·stretch); it is turned by
-//! `rotation` (positive = clockwise on screen), moved to the sensor's centre plus `offset`, and moved once more by its own
+//! `rotation` (positive = clockwise on screen), moved to the sensor's centre plus `offset`, and moved once more by a
 //! normally distributed error of standard deviation `jitter` in x and y. A pixel belongs to the nearest lenslet.
 
 use lenslet_core::random::standard_normal_pair;

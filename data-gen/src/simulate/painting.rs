@@ -1,4 +1,5 @@
-//! The scenes with texture: drawn from formulas, in lenslet pitches, so that a small sensor sees the same detail as a large one.
+//! The scenes with texture: drawn from formulas, in lenslet pitches, so that a small sensor sees the same detail as a
+//! large one.
 
 use lenslet_core::stroke_font::{distance_to_segment, is_on_text};
 

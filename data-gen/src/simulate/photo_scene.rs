@@ -70,8 +70,8 @@ impl LinearPhoto {
     }
 }
 
-/// A scene made of photos, background first. `disparity` is the largest one, in lenslet pitches per sensor pixel of offset
-/// (−1..=1; `None`: 0.3, and 0 for one photo alone).
+/// A scene made of photos, background first. `disparity` is the largest one, in lenslet pitches per sensor pixel of
+/// offset (−1..=1; `None`: 0.3, and 0 for one photo alone).
 ///
 /// # Errors
 /// [`Error::Photo`] naming the file that cannot be used, [`Error::Parameter`], [`Error::Interrupted`].

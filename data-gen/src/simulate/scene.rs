@@ -17,7 +17,7 @@ pub struct Scene {
     pub name: String,
     /// Largest disparity asked for, pitches per sensor pixel.
     pub disparity: f64,
-    /// Known things.
+    /// Regions of known content.
     pub regions: Vec<Region>,
     pitch: f64,
     centre: [f64; 2],
@@ -41,7 +41,7 @@ impl Scene {
     /// (−1..=1; `None`: [`SceneName::default_disparity`]).
     ///
     /// # Errors
-    /// [`Error::Parameter`] for values out of range, [`Error::Interrupted`] when the observer says so.
+    /// [`Error::Parameter`] for values out of range, [`Error::Interrupted`] when the observer cancels.
     pub fn named(
         name: SceneName,
         camera: &Camera,

@@ -18,11 +18,11 @@ pub enum SceneName {
     Occluders,
     /// Resolution chart on one plane: sector star, line pairs, slanted edge, letters.
     Chart,
-    /// Colour chart of 24 known patches, disparity 0 unless asked otherwise.
+    /// Colour chart of 24 known patches, by default at disparity 0.
     Colour,
     /// Evenly lit white.
     White,
-    /// One textured plane, disparity 0 unless asked otherwise.
+    /// One textured plane, by default at disparity 0.
     Flat,
 }
 

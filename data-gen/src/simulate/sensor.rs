@@ -1,9 +1,9 @@
 //! What the sensor records: the white pattern, the scene through it, mosaic, noise, digital numbers.
 //!
-//! white(p) = field(p) · (light ⊛ pixel ⊛ optical blur)(p), scaled so that a lenslet centre in the middle of the field is 1.
-//! scene(p) = the scene's colour averaged over the pixel's and the blur's extent (a 3×3 Gauss–Hermite rule), each position
-//! seen by its nearest lenslet at c under offset p − c and weighed with its light. Recorded is
-//! black + (white − black)·white(p)·response(colour filter)·scene(p), plus normal noise of variance K²·signal + 9K² (DN).
+//! white(p) = field(p) · (light ⊛ pixel ⊛ optical blur)(p), scaled so that a lenslet centre in the middle of the field
+//! is 1. scene(p) = the scene's colour averaged over the pixel's and the blur's extent (a 3×3 Gauss–Hermite rule), each
+//! position seen by its nearest lenslet at c under offset p − c and weighed with its light. Recorded is black + (white
+//! − black)·white(p)·response(colour filter)·scene(p), plus normal noise of variance K²·signal + 9K² (DN).
 
 use lenslet_core::container::RawMosaic;
 use lenslet_core::progress::Observer;
@@ -134,13 +134,13 @@ pub fn expose_white(camera: &Camera, pattern: &[f32]) -> Vec<f32> {
     signal
 }
 
-/// Shares of full scale → digital numbers, with noise of strength `noise` (0: none; 1: one electron a DN and 3 DN of read
-/// noise of a sensor that saturates at 4095 DN, less in proportion for others). The noise depends on `seed`, `frame` and the
-/// row only, not on threads.
+/// Shares of full scale → digital numbers, with noise of strength `noise` (0: none; 1: one electron a DN and 3 DN of
+/// read noise of a sensor that saturates at 4095 DN, less in proportion for others). The noise depends on `seed`,
+/// `frame` and the row only, not on threads.
 pub fn record_mosaic(signal: &[f32], camera: &Camera, noise: f64, seed: u64, frame: u32) -> RawMosaic {
     let (w, h) = camera.sensor;
     let [black, white] = camera.response.levels.map(f64::from);
-    // What one of the 4095 steps of a 12-bit sensor is here.
+    // One of the 4095 steps of a 12-bit sensor, in digital numbers of this one.
     let unit = (white - black) / (4095.0 - 168.0);
     let mut data = vec![0u16; w * h];
     data.par_chunks_mut(w).zip(signal.par_chunks(w)).enumerate().for_each(|(y, (line, signal))| {

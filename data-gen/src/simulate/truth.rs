@@ -22,8 +22,9 @@ pub fn view_offset(view: [usize; 2], n: usize, view_step: f64) -> [f64; 2] {
 /// The scene under offset `delta` (sensor pixels), shape (t, s, 3), linear light: output pixel (s, t) is the mean over
 /// its area, centred on the sensor position (s + 0.5)·W/W_out − 0.5.
 ///
-/// The mean over a square is 2/3 of its middle and 1/12 of each corner: exact for polynomials up to the third degree, and
-/// corners serve four squares. A pixel is cut into squares of at most 0.4 pitches, over which the low-passed scene is smooth.
+/// The mean over a square is 2/3 of its middle and 1/12 of each corner: exact for polynomials up to the third degree,
+/// and corners serve four squares. A pixel is cut into squares of at most 0.4 pitches, over which the low-passed scene
+/// is smooth.
 pub fn true_view(scene: &Scene, camera: &Camera, delta: [f64; 2], size: (usize, usize)) -> Array3<f32> {
     let (w, h) = size;
     let step = [camera.sensor.0 as f64 / w as f64, camera.sensor.1 as f64 / h as f64];

@@ -1,4 +1,5 @@
-//! A simulation on disk: `capture.lfp`, `white-NN.lfp`, and `truth/` with centres, views, disparity and what the scene was.
+//! A simulation on disk: `capture.lfp`, `white-NN.lfp`, and `truth/` with centres, views, disparity and what the scene
+//! was.
 
 use std::path::Path;
 

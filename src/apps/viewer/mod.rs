@@ -1,5 +1,5 @@
-//! The viewer page: a light field as one HTML file that loads nothing from outside. Refocusing and perspective in WebGL2, in a
-//! plain canvas where there is none.
+//! The viewer page: a light field as one HTML file that loads nothing from outside. Refocusing and perspective in
+//! WebGL2, in a plain canvas where there is none.
 
 use lenslet_views::disparity::DepthOrder;
 use ndarray::{Array2, ArrayView5, s};
@@ -47,8 +47,8 @@ pub fn shrink_views(name: &str, data: &ArrayView5<f32>, side: usize) -> ViewSet 
 /// The page, with the pictures as JPEG of at most `quality` (1 to 100); lower where the page would exceed `max_bytes`.
 ///
 /// # Errors
-/// [`Error::Shape`] for sets of different sizes or none at all, [`Error::Parameter`] for disparities that are not numbers,
-/// [`Error::PageTooLarge`] where quality 30 or less does not keep the page within `max_bytes`.
+/// [`Error::Shape`] for sets of different sizes or none at all, [`Error::Parameter`] for disparities that are not
+/// numbers, [`Error::PageTooLarge`] where quality 30 or less does not keep the page within `max_bytes`.
 ///
 /// ```
 /// use lenslet::apps::viewer::{ViewerContent, shrink_views, viewer_page};

@@ -13,8 +13,8 @@ use super::record::ParametersRecord;
 use super::refinement::RefinementParameters;
 use crate::error::Error;
 
-/// Parameters of a training run, in groups; each group has the table of its names, defaults and ranges. In JSON all groups
-/// but `network` are one flat object whose members are the names of those tables.
+/// Parameters of a training run, in groups; each group has the table of its names, defaults and ranges. In JSON all
+/// groups but `network` are one flat object whose members are the names of those tables.
 ///
 /// ```
 /// use lenslet_train::{Algorithm, DictionaryParameters, Parameters};
@@ -76,13 +76,13 @@ impl Parameters {
         let Some(network) = &self.network else { return Ok(()) };
         network.check()?;
         if self.degradation.base != Some(Interpolation::Multiview) && !network.side_inputs.is_empty() {
-            return Err(Error::Parameter("network: images beside the low one need the base multiview".into()));
+            return Err(Error::Parameter("network: side inputs (beside) need the base multiview".into()));
         }
         Ok(())
     }
 
-    /// Pairs that `memory` allows beside crops of `crop_bytes`: their features and residuals once, and once more where both
-    /// are stacked.
+    /// Pairs that `memory` allows beside crops of `crop_bytes`: their features and residuals once, and once more where
+    /// both are stacked.
     #[must_use]
     pub fn pairs_within(&self, crop_bytes: usize) -> usize {
         let d = &self.dictionary;
@@ -138,7 +138,7 @@ impl From<Parameters> for ParametersRecord {
             pitch: degradation.pitch,
             rotation: degradation.rotation,
             noise: degradation.noise,
-            // Chains of passes, and codes on top of a regressor, are no more; recipes still name them.
+            // No longer supported: chains of passes, and codes on top of a regressor. Recipes still have the keys.
             passes: 1,
             with_linear: false,
             anchors: anchors.count,

@@ -11,7 +11,7 @@ use crate::error::Error;
 /// | `neighbours` | | 2048 | pairs each regressor is fitted to | 16 … 1 000 000 |
 /// | `ridge` | | 0.1 | regularisation ρ of the regressors, for unit features | 1e-6 … 1e6 |
 #[derive(Debug, Clone, PartialEq)]
-#[allow(missing_docs)] // the table above says it
+#[allow(missing_docs)] // in the table above
 pub struct AnchorParameters {
     pub count: usize,
     pub neighbours: usize,

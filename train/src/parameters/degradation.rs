@@ -17,7 +17,7 @@ use crate::error::Error;
 /// | `rotation` | 0.002 | rotation of the lattice, radians | −π … π |
 /// | `noise` | 0 | standard deviation of noise on the samples (range 0..1) | 0 … 1 |
 #[derive(Debug, Clone, PartialEq)]
-#[allow(missing_docs)] // the table above says it
+#[allow(missing_docs)] // in the table above
 pub struct DegradationParameters {
     pub footprints: Vec<Footprint>,
     pub base: Option<Interpolation>,

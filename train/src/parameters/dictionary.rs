@@ -24,7 +24,8 @@ pub enum KsvdUpdate {
     /// One alternation between both (Rubinstein, Zibulevsky and Elad 2008).
     #[default]
     Approximate,
-    /// The leading singular pair of the residual (Aharon, Elad and Bruckstein 2006): slower, and the best update of one atom.
+    /// The leading singular pair of the residual (Aharon, Elad and Bruckstein 2006): slower, and the best update of one
+    /// atom.
     Exact,
 }
 
@@ -48,13 +49,13 @@ pub enum Coupling {
 /// | `features` | 48 | principal components kept | 2 … (window+4)² − 1 |
 /// | `lambda` | 0.2 | λ of eq. (3) and (4), relative to unit features | 0.001 … 0.9 |
 /// | `nonzeros` | 4 | most non-zeros of a pair's code in K-SVD | 1 … 64 |
-/// | `algorithm` | online | ksvd, online, ista | |
+/// | `algorithm` | online | how atoms are learned: ksvd, online, ista | |
 /// | `ksvd_update` | approximate | update of an atom in K-SVD: approximate, exact | |
-/// | `coupling` | joint | joint, low | |
+/// | `coupling` | joint | Dl and Dh together (joint), or Dl first and Dh by least squares (low) | |
 /// | `epochs` | 3 | epochs of learning | 1 … 1000 |
-/// | `batch` | 1024 | pairs a step, of refinement, too | 16 … 65536 |
+/// | `batch` | 1024 | pairs a step, in learning and in refinement | 16 … 65536 |
 #[derive(Debug, Clone, PartialEq)]
-#[allow(missing_docs)] // the table above says it
+#[allow(missing_docs)] // in the table above
 pub struct DictionaryParameters {
     pub atoms: usize,
     pub patch: usize,

@@ -16,11 +16,11 @@ use crate::error::Error;
 /// | `hidden` | \[256, 128\] | outputs of each hidden layer | one to four of 1 … 4096 |
 /// | `epochs` | 14 | passes over the pairs | 1 … 1000 |
 /// | `batch` | 512 | pairs a step | 16 … 65536 |
-/// | `rate` | 0.001 | first step | 0 … 1 |
+/// | `rate` | 0.001 | first learning rate of Adam; it falls to a fiftieth as half a cosine | 0 … 1 |
 /// | `pairs` | 400 000 | training pairs | 100 … 20 000 000 |
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-#[allow(missing_docs)] // the table above says it
+#[allow(missing_docs)] // in the table above
 pub struct NetworkParameters {
     #[serde(rename = "beside")]
     pub side_inputs: Vec<Interpolation>,
@@ -62,7 +62,7 @@ impl NetworkParameters {
             return wrong(format!("window {} or patch {} is out of range", self.window, self.patch));
         }
         if self.features.len() != self.side_inputs.len() + 1 {
-            return wrong(format!("features {:?} of {} images", self.features, self.side_inputs.len() + 1));
+            return wrong(format!("{:?} features are not one number for each of {} images", self.features, self.side_inputs.len() + 1));
         }
         if self.features.iter().any(|f| !(2..(self.window + 4).pow(2)).contains(f)) {
             return wrong(format!("features {:?} are out of range", self.features));

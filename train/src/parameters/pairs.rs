@@ -15,7 +15,7 @@ use crate::error::Error;
 /// | `linear_light` | | false | photos hold linear light, not sRGB-encoded values | |
 /// | `memory` | | 4 | GiB that pairs and crops may take: fewer pairs where they would not fit | 0.05 … 1024 |
 #[derive(Debug, Clone, PartialEq)]
-#[allow(missing_docs)] // the table above says it
+#[allow(missing_docs)] // in the table above
 pub struct PairParameters {
     pub count: usize,
     pub crop: usize,

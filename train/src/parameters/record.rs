@@ -8,8 +8,8 @@ use super::dictionary::{Algorithm, Coupling, KsvdUpdate};
 use super::network::NetworkParameters;
 use super::pairs::PairParameters;
 
-/// Every parameter under its name in JSON. The order is that of all recipes so far. Parameters that came later are written
-/// only where they are used, so that recipes without them keep their bytes.
+/// Every parameter under its name in JSON. The order is that of all recipes so far. Parameters that came later are
+/// written only where they are used, so that recipes without them keep their bytes.
 #[derive(Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct ParametersRecord {

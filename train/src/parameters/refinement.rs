@@ -8,10 +8,10 @@ use crate::error::Error;
 /// | name | field | default | purpose | range |
 /// |---|---|---|---|---|
 /// | `refine` | `epochs` | 6 | epochs of refinement | 0 … 1000 |
-/// | `rate` | | 0.03 | first step, relative to the size of the dictionary; it falls to a fiftieth as half a cosine | 0 … 1 |
+/// | `rate` | | 0.03 | first learning rate of Adam, relative to the RMS of the atoms; it falls to a fiftieth as half a cosine | 0 … 1 |
 /// | `emphasis` | | 1 | pairs are weighted by their norm to this power: 0 treats patches alike, 2 pixels | 0 … 2 |
 #[derive(Debug, Clone, PartialEq)]
-#[allow(missing_docs)] // the table above says it
+#[allow(missing_docs)] // in the table above
 pub struct RefinementParameters {
     pub epochs: usize,
     pub rate: f32,

@@ -5,7 +5,9 @@ use ndarray::Array2;
 use super::depth_order::DepthOrder;
 use lenslet_core::image::Plane;
 
-/// The middle view's disparity as the view `step` = (u, v) away sees it: surfaces nearer by `order` win, gaps are filled with what lies behind. Units: pixels per view step, pixels of this map.
+/// The middle view's disparity carried to the view `step` = (u, v) view steps away. Where surfaces overlap, the nearer
+/// one by `order` is kept; gaps take the disparity of what lies behind. Disparities are in pixels of this map per view
+/// step.
 pub fn carry_to_view(disparity: &Array2<f32>, step: [f32; 2], order: DepthOrder) -> Array2<f32> {
     let (height, width) = disparity.dim();
     let plane = Plane { width, height, data: disparity.iter().copied().collect() };
@@ -42,7 +44,8 @@ pub fn carry_plane_to_view(central: &Plane, scale: [f32; 2], step: [f32; 2], ord
     out
 }
 
-/// Fills what no surface covered: of the first values found both ways along the movement `step`, the one further behind.
+/// Fills what no surface covered: of the first values found both ways along the movement `step`, the one further
+/// behind.
 fn fill(plane: &mut Plane, step: [f32; 2], order: DepthOrder) {
     let (w, h) = (plane.width as isize, plane.height as isize);
     let longer = step[0].abs().max(step[1].abs());

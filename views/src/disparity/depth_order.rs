@@ -2,8 +2,9 @@
 
 /// Whether nearer surfaces have the smaller or the larger disparity.
 ///
-/// With views numbered as this project does (u to the right, v down, the scene point at x of the middle view at x + D·u),
-/// nearer is smaller; light fields whose views are numbered against the camera's movement have it the other way round.
+/// With views numbered as this project does (u to the right, v down, the scene point at x of the middle view at
+/// x + D·u), nearer is smaller; light fields whose views are numbered against the camera's movement have it the other
+/// way round.
 ///
 /// ```
 /// use lenslet_views::disparity::DepthOrder;

@@ -7,15 +7,15 @@ use ndarray::Array2;
 pub struct DisparityErrors {
     /// Share of pixels off by more than the threshold.
     pub bad: f64,
-    /// Mean squared error times 100.
+    /// Mean squared error times 100, (pixels per view step)².
     pub mse100: f64,
-    /// Median absolute error.
+    /// Median absolute error, pixels per view step.
     pub median: f64,
     /// Pixels compared.
     pub pixels: usize,
 }
 
-/// Compares where `counts` says so and the truth is a number, leaving out `border` pixels on each side.
+/// Compares pixels where `counts` is true and the truth is a number, leaving out `border` pixels on each side.
 pub fn compare_with_truth(
     found: &Array2<f32>,
     truth: &Array2<f32>,

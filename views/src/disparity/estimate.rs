@@ -18,7 +18,7 @@ use super::volume::outermost_step;
 pub struct Disparity {
     /// Output pixels per view step, shape (t, s).
     pub disparity: Array2<f32>,
-    /// 0 (a guess from the surroundings) to 1, shape (t, s).
+    /// Confidence, 0 (filled from the surroundings) to 1, shape (t, s).
     pub confidence: Array2<f32>,
 }
 

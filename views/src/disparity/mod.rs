@@ -1,8 +1,8 @@
-//! Disparity of a light field (paper 4.3): plane sweep over all views regularised with edges kept, made sub-pixel by the
-//! structure tensor of the epipolar images.
+//! Disparity of a light field (paper 4.3): plane sweep over all views regularised with edges kept, made sub-pixel by
+//! the structure tensor of the epipolar images.
 //!
-//! Disparity D is in output pixels per view step: the scene point at x of the reference view appears at x + D·u, y + D·v in the
-//! view (v, u) steps away. The HCI benchmark counts the other way round: its disparity is −D.
+//! Disparity D is in output pixels per view step: the scene point at x of the reference view appears at x + D·u,
+//! y + D·v in the view (v, u) steps away. The HCI benchmark counts the other way round: its disparity is −D.
 
 mod carry;
 mod depth_order;

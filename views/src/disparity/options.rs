@@ -3,27 +3,31 @@
 /// How disparity is estimated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
-    /// Smallest and largest disparity to look for, output pixels per view step; `None`: found from the light field.
+    /// Smallest and largest disparity to look for, output pixels per view step; `None`, the default: found
+    /// from the light field.
     pub range: Option<(f32, f32)>,
-    /// How far to look when `range` is `None`: ± so many output pixels per view step.
+    /// Search limit where `range` is `None`: ± this many output pixels per view step; default 4.
     pub limit: f32,
-    /// Distance between hypotheses: this many pixels at the outermost view.
+    /// Distance between hypotheses, pixels at the outermost view; above 0, default 0.3.
     pub step: f32,
-    /// Views larger than this (longer side) are halved for the search until they fit.
+    /// Views whose longer side exceeds this many pixels are halved for the search until they fit; at least 16, default
+    /// 640.
     pub side: usize,
-    /// Values are linear light (matching works on their square root, nearer to equal noise).
+    /// Whether values are linear light: matching then works on their square root, whose noise is nearly even; default
+    /// no.
     pub linear: bool,
-    /// Brightness differences beyond this count no more.
+    /// Brightness differences are cut off at this value (of the range 0..1); above 0, default 0.04.
     pub truncation: f32,
-    /// Reference view (row v, column u from 0); `None`: the middle.
+    /// Reference view (row v, column u from 0); `None`, the default: the middle one.
     pub reference: Option<(usize, usize)>,
-    /// Patches up to this share of the picture's longer side that differ from all around are filled from there; 0 to 1, 0
-    /// leaves everything as it was found.
+    /// Patches up to this share of the picture's longer side whose disparity differs from all around are filled from
+    /// there; 0 to 1, default 0: nothing is filled.
     pub specks: f32,
 }
 
 impl Options {
-    /// For maps that people look at or point into, of light fields in linear light: without specks.
+    /// Options for maps that are displayed or pointed into, of light fields in linear light: specks up to a thirtieth
+    /// of the longer side are filled.
     pub fn shown() -> Self {
         Options { linear: true, specks: 1.0 / 30.0, ..Options::default() }
     }

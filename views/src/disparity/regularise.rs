@@ -1,5 +1,6 @@
 //! Edge-preserving regularisation of a cost volume: the guided filter (He et al. 2010) gathers cost over pixels of like
-//! brightness, semi-global matching (Hirschmüller 2008) then minimises Σ C(x, d) + P1·[|Δd| = 1] + P2·[|Δd| > 1] along eight paths.
+//! brightness, semi-global matching (Hirschmüller 2008) then minimises Σ C(x, d) + P1·[|Δd| = 1] + P2·[|Δd| > 1] along
+//! eight paths.
 
 use lenslet_core::image::{Plane, box_mean};
 use rayon::prelude::*;
@@ -139,7 +140,8 @@ fn step(cost: &[f32], before: &[f32], small: f32, large: f32, now: &mut [f32]) {
     }
 }
 
-/// Median of `values` around each pixel, weighted by nearness of the guide's brightness; edges stay where the guide has them.
+/// Median of `values` around each pixel, weighted by nearness of the guide's brightness; edges stay where the guide has
+/// them.
 pub fn weighted_median(values: &[f32], weights: &[f32], guide: &Plane, radius: usize, sigma: f32) -> Vec<f32> {
     let (w, h) = (guide.width, guide.height);
     let mut out = vec![0f32; w * h];

@@ -63,8 +63,8 @@ fn vertex(costs: &[f32], best: usize) -> f32 {
     if curvature > 0.0 { (0.5 * (a - c) / curvature).clamp(-0.5, 0.5) } else { 0.0 }
 }
 
-/// Sub-pixel: the slope of the EPI structure tensor, sheared near the disparity found, is taken where the lines are coherent
-/// and the matching cost says it is the better one.
+/// Sub-pixel: the slope of the EPI structure tensor, sheared near the disparity found, is taken where the lines are
+/// coherent and it lowers the matching cost.
 fn refine_by_tensor(grid: &[Vec<Plane>], at: (usize, usize), found: &mut Found, volume: &sweep::Volume) {
     let (lo, hi) = found.disparity.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), &d| (a.min(d), b.max(d)));
     let gap = 0.4;

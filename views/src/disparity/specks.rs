@@ -1,8 +1,8 @@
-//! Specks: small patches whose disparity differs from all around them. Highlights, dust and repeated texture make them, and few
-//! things are that small.
+//! Specks: small patches whose disparity differs from all around them. Highlights, dust and repeated texture make them,
+//! and few things are that small.
 
-/// Fills every patch that is no longer than `side` pixels either way, and that jumps by more than `jump` all around, with the
-/// median of what borders on it; its confidence becomes 0. `disparity` is `width` pixels a row.
+/// Fills every patch that is no longer than `side` pixels either way, and that jumps by more than `jump` all around,
+/// with the median of what borders on it; its confidence becomes 0. `disparity` is `width` pixels a row.
 pub fn fill(disparity: &mut [f32], confidence: &mut [f32], width: usize, jump: f32, side: usize) {
     if width == 0 || side == 0 {
         return;

@@ -20,9 +20,9 @@ pub struct Volume {
 /// The robust measure of brightness differences.
 #[derive(Debug, Clone, Copy)]
 pub struct Robust {
-    /// Differences beyond this count no more.
+    /// Differences are cut off at this value.
     pub truncation: f32,
-    /// How much less (relative) one half of the views must cost than all to be taken instead.
+    /// Relative margin by which the cost over one half of the views must be below that over all to replace it.
     pub half_penalty: f32,
 }
 

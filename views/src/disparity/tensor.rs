@@ -1,5 +1,5 @@
-//! Structure tensor of the epipolar images (paper 4.3, after Wanner and Goldluecke): in an EPI a scene point draws a line
-//! L(s, u) = f(s − D·u), so the eigenvector of least change of [[Σ L_s², Σ L_s·L_u], [·, Σ L_u²]] has slope D.
+//! Structure tensor of the epipolar images (paper 4.3, after Wanner and Goldluecke): in an EPI a scene point draws a
+//! line L(s, u) = f(s − D·u), so the eigenvector of least change of [[Σ L_s², Σ L_s·L_u], [·, Σ L_u²]] has slope D.
 
 use lenslet_core::image::{Plane, box_mean};
 
@@ -15,8 +15,9 @@ pub struct Slopes {
     pub energy: Vec<f32>,
 }
 
-/// Tensor over the EPIs sheared by `shear`, horizontal (all rows of views) and vertical (all columns) together. Lines within
-/// about one pixel per view step of the shear are measured well. `grid[v][u]` are the views, `at` the reference (v, u).
+/// Tensor over the EPIs sheared by `shear`, horizontal (all rows of views) and vertical (all columns) together. Lines
+/// within about one pixel per view step of the shear are measured well. `grid[v][u]` are the views, `at` the reference
+/// (v, u).
 pub fn slopes(grid: &[Vec<Plane>], at: (usize, usize), shear: f32, radius: usize) -> Slopes {
     let reference = &grid[at.0][at.1];
     let (w, h) = (reference.width, reference.height);

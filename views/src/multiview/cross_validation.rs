@@ -1,9 +1,9 @@
-//! Weight of the other views, region by region, by leave-one-view-out validation: an image fitted to the other views' samples
-//! predicts the samples of the view itself; the better it predicts them, the larger the weight.
+//! Weight of the other views, region by region, by leave-one-view-out validation: an image fitted to the other views'
+//! samples predicts the samples of the view itself; the better it predicts them, the larger the weight.
 //!
-//! Where the samples of the other views lie where they belong, the image fitted to them meets the view's own samples much better
-//! than single-view interpolation met theirs. Where they do not (a wrong disparity, something
-//! in front), the fit misses the own samples by as much.
+//! Where the samples of the other views are placed correctly, the residual of the fit at the view's own samples is much
+//! smaller than the residual of single-view interpolation at theirs. Where they are misplaced (a wrong disparity,
+//! something in front), it is as large.
 
 use lenslet_core::image::{Cell, bilinear_by_differences};
 
@@ -137,7 +137,8 @@ impl Noise {
     }
 }
 
-/// 1 where the residual of the fit is noise alone, or a small part of the prior's beyond noise; 0 where either is unknown.
+/// 1 where the residual of the fit is noise alone, or a small part of the prior's beyond noise; 0 where either is
+/// unknown.
 fn weight_of(before: f32, after: f32, noise: f32) -> f32 {
     if !(before.is_finite() && after.is_finite()) {
         return 0.0;

@@ -21,8 +21,9 @@ pub struct HiddenScore {
     pub lenslets: usize,
 }
 
-/// Hides a random `share` of the lenslets (all views of each), has `render` make view (row, column) `at` at `target` from the
-/// rest, and compares it with what the hidden lenslets measured. Lenslets within two pitches of the border are not measured.
+/// Hides a random `share` of the lenslets (all views of each), has `render` make view (row, column) `at` at `target`
+/// from the rest, and compares it with what the hidden lenslets measured. Lenslets within two pitches of the border are
+/// not measured.
 ///
 /// # Errors
 /// A share outside 0..0.5, a view that does not exist, what `render` returns.

@@ -1,5 +1,6 @@
-//! Section 4.3: refinement using multiple views. Every sample of every view is copied along its ray to its true place in the
-//! target view; the image is then fitted to all of them at their exact places, with single-view interpolation as the prior.
+//! Section 4.3: refinement using multiple views. Every sample of every view is copied along its ray to its true place
+//! in the target view; the image is then fitted to all of them at their exact places, with single-view interpolation as
+//! the prior.
 
 mod cross_validation;
 mod estimate;

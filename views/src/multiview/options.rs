@@ -8,18 +8,21 @@ pub enum Fit {
     /// Weighted least-squares pixels, single-view interpolation as the prior.
     #[default]
     Smooth,
-    /// The paper's way: triangulate all samples, interpolate barycentrically. Seconds a view; kept for comparison.
+    /// As in the paper: triangulate all samples, interpolate barycentrically. Takes seconds a view; kept for
+    /// comparison.
     Triangulation,
 }
 
 /// How views are refined.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
-    /// How the image is made of the samples.
+    /// How the image is made of the samples; default [`Fit::Smooth`].
     pub fit: Fit,
-    /// How disparity is estimated. Its unit is pixels of the target view; `range` and `limit` count in these.
+    /// How disparity is estimated; `range` and `limit` are in pixels of the target view per view step. The default is
+    /// that of [`disparity::Options`], for linear light.
     pub disparity: disparity::Options,
-    /// Disparity of the middle view known beforehand (t, s at any size, in pixels of the target view per view step).
+    /// Disparity of the middle view where it is known beforehand, shape (t, s) of any size, pixels of the target view
+    /// per view step; `None`, the default: estimated.
     pub known: Option<ndarray::Array2<f32>>,
 }
 

@@ -1,11 +1,11 @@
-//! Where the samples of all views lie in one view, by the disparity of their surfaces, and how much each counts there.
+//! Where the samples of all views lie in one view, by the disparity of their surfaces, and the weight of each there.
 
 use lenslet_core::image::bilinear_shares;
 
 use super::sample_set::SampleSet;
 use super::view_disparities::{ViewDisparities, view_offset};
 
-/// A sample on its way: cell (upper left of four pixels), where within it, and how much it counts.
+/// A sample carried to the target view: cell (upper left of four pixels), position within it, weight.
 #[derive(Clone, Copy)]
 pub(super) struct Ray {
     pub(super) cell: u32,
@@ -28,7 +28,7 @@ impl Ray {
         bilinear_shares(self.fx, self.fy)
     }
 
-    /// What is left of the sample when the image is taken away; the lane of the weight is 0.
+    /// Sample minus image; the lane of the weight is 0.
     #[inline]
     pub(super) fn residual(&self, b: &[f32; 4], f: &[f32; 4], image: &[[f32; 4]], w: usize) -> [f32; 4] {
         let k = self.cell as usize;
@@ -57,7 +57,7 @@ impl Ray {
 /// Source: chosen.
 pub(super) const OWN: f32 = 2.0;
 
-/// Misplacement (pixels of the target) at which a sample counts a quarter.
+/// Misplacement (pixels of the target) at which the weight of a sample falls to a quarter.
 ///
 /// Source: chosen.
 const TOLERANCE: f32 = 0.6;
@@ -76,7 +76,7 @@ pub(super) fn own_samples(
     points.map(|(i, p)| Ray::new(p[0], p[1], size.0, OWN, first + i)).collect()
 }
 
-/// Where every sample of every other view lies in the target view, leaving out what is hidden there.
+/// Where every sample of every other view lies in the target view; samples hidden there are left out.
 pub(super) fn other_samples(
     set: &SampleSet,
     disparities: &ViewDisparities,
@@ -97,11 +97,11 @@ pub(super) fn other_samples(
         let light = set.weights[k] * set.weights[k];
         for (i, (p, d)) in set.points.iter().zip(&disparities.samples[k * n..(k + 1) * n]).enumerate() {
             let (x, y) = (p[0] - d * du, p[1] - d * dv);
-            // Also turns away what is not a number.
+            // Also false for NaN.
             if !(x >= 0.0 && y >= 0.0 && x < right && y < bottom) {
                 continue;
             }
-            // How far the surface seen here would carry the sample from where it is put.
+            // Distance between this place and where the disparity of the surface seen here would put the sample.
             let miss = (disparities.near(target_view, x, y) - d) * distance;
             let agree = 1.0 / (1.0 + miss * miss);
             let weight = light * agree * agree;
@@ -113,7 +113,7 @@ pub(super) fn other_samples(
     rays
 }
 
-/// Tells `each` of every sample of every view: where it lies in the view `at`, how much it counts, its value.
+/// Calls `each` for every sample of every view with its position (x, y) in the view `at`, its weight and its value.
 pub(super) fn for_each_ray(
     set: &SampleSet,
     disparities: &ViewDisparities,

@@ -1,6 +1,7 @@
-//! Disparity made exact by the samples themselves: with the image I fitted to all samples at their places x = p − D·u, minimises
-//! Σ w (f − I(p − D·u))² over D around each pixel, by Gauss–Newton steps. Interpolated views are drawn towards no disparity,
-//! since all views have their samples at the same places; samples at their own places are not.
+//! Disparity made exact by the samples themselves: with the image I fitted to all samples at their places x = p − D·u,
+//! minimises Σ w (f − I(p − D·u))² over D around each pixel, by Gauss–Newton steps. Disparities matched between
+//! interpolated views are biased towards zero, since all views have their samples at the same places; those fitted to
+//! the samples are not.
 
 use rayon::prelude::*;
 
@@ -33,7 +34,7 @@ const SAME: f32 = 0.2;
 /// Source: chosen: noise of a good camera.
 const NOISE: f32 = 0.008;
 
-/// What the samples around a pixel say about its disparity.
+/// Sums over the samples around a pixel, which determine its correction.
 #[derive(Clone, Copy, Default)]
 struct Vote {
     /// Σ w g², Σ w r g: normal equation of the correction.
@@ -85,7 +86,7 @@ pub(super) fn refine_disparity(set: &SampleSet, light: &[f32], disparities: &Vie
         }
         let unit = scale[0].max(scale[1]);
         let limit = STEP * unit / reach;
-        // What texture there must be for a correction by much: its error would be a tenth of a pixel at the rim.
+        // Damping: the texture with which a correction is in error by a tenth of a pixel at the outermost view.
         let least = spread * spread * (reach * reach) / (0.1 * unit).powi(2);
         map.data.par_iter_mut().zip(&votes).for_each(|(d, v)| {
             *d += (v.right / (v.normal + least)).clamp(-limit, limit);
@@ -180,7 +181,7 @@ fn scattered<T: Copy + Default + Send>(
 /// Source: chosen; the same on every machine, so that sums do not depend on threads.
 const PARTS: usize = 4;
 
-/// The image that the samples make: their means, and what these leave, added once more.
+/// The image of the samples: their means at each pixel, plus once the means of the residuals.
 fn fit(light: &[f32], rays: &[Ray], w: usize, h: usize) -> Plane {
     let mut image = vec![0f32; w * h];
     for _ in 0..2 {
@@ -217,7 +218,7 @@ fn residual(light: &[f32], ray: &Ray, image: &Plane) -> Option<(f32, f32, f32)> 
     Some((light[ray.sample as usize] - value, dx, dy))
 }
 
-/// Beyond this a sample hardly counts: three times the usual misfit.
+/// Residual beyond which the weight of a sample is small: three times the usual one.
 fn spread(light: &[f32], rays: &[Ray], image: &Plane) -> f32 {
     let few = rays.iter().step_by(37);
     let mut squares: Vec<f32> = few.filter_map(|r| residual(light, r, image)).map(|(r, ..)| r * r).collect();
@@ -227,7 +228,7 @@ fn spread(light: &[f32], rays: &[Ray], image: &Plane) -> f32 {
     3.0 * (median / 0.455).sqrt().max(NOISE)
 }
 
-/// Every sample's vote, at the pixel nearest to it.
+/// The terms of every sample, added up at the pixel nearest to it.
 fn vote(light: &[f32], rays: &[Ray], image: &Plane, views: (usize, usize), scale: [f32; 2], spread: f32) -> Vec<Vote> {
     let w = image.width;
     let steps: Vec<[f32; 2]> = (0..views.0 * views.1).map(|k| view_offset(views, k)).collect();
@@ -248,7 +249,7 @@ fn vote(light: &[f32], rays: &[Ray], image: &Plane, views: (usize, usize), scale
     scattered(rays, w * image.height, each, Vote::add)
 }
 
-/// Sums of the votes of the same surface around every pixel.
+/// Sums of these terms over the pixels of the same surface around every pixel.
 fn gather(votes: &[Vote], map: &Plane) -> Vec<Vote> {
     let (w, h) = (map.width, map.height);
     let mut out = vec![Vote::default(); w * h];

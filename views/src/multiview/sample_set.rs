@@ -21,7 +21,7 @@ pub struct SampleSet<'a> {
     pub(super) points: Vec<[f32; 2]>,
     /// (views, samples, channels)
     values: CowArray<'a, f32, Ix3>,
-    /// How far each view can be relied on, 0 to 1 (the light it gets over that of the brightest).
+    /// Weight of each view, 0 to 1: its light as a share of the brightest view's.
     pub(super) weights: Vec<f32>,
     /// The values again, four lanes each (unused ones 0), all views in a row.
     pub(super) lanes: Vec<[f32; 4]>,
@@ -49,7 +49,8 @@ impl<'a> SampleSet<'a> {
     /// The samples of a decoded capture.
     ///
     /// # Errors
-    /// Samples whose shapes contradict each other, that cannot be triangulated, or that have other than 1 or 3 channels.
+    /// Samples whose shapes contradict each other, that cannot be triangulated, or that have other than 1 or 3
+    /// channels.
     pub fn hexagonal(samples: &'a HexSamples, target: &Size) -> Result<Self, Error> {
         let n = samples.centres.len();
         let (views, count, _) = samples.values.dim();
@@ -166,7 +167,8 @@ impl<'a> SampleSet<'a> {
         }
     }
 
-    /// Brightness of every view, nearly evenly noisy, no longer than about `side`; and pixels of the target per pixel of these.
+    /// Brightness of every view, nearly evenly noisy, no longer than about `side`; and pixels of the target per pixel
+    /// of these.
     pub(super) fn brightness(&self, side: usize) -> Result<(Vec<Vec<Plane>>, f32), Error> {
         let longer = self.target.width.max(self.target.height);
         let (width, height) = if longer > side {
@@ -206,9 +208,9 @@ impl<'a> SampleSet<'a> {
         Ok((grid, self.target.width as f32 / width as f32))
     }
 
-    /// Upper bound for the variance of the noise (channels together) of the samples of a view: what a lenslet sees moves by a
-    /// fraction of the lenslets' pitch from view to view, so that second differences over three views are mostly noise.
-    /// Infinite where there are no three views in a row.
+    /// Upper bound for the variance of the noise (channels together) of the samples of a view: what a lenslet sees
+    /// moves by a fraction of the lenslets' pitch from view to view, so that second differences over three views are
+    /// mostly noise. Infinite where there are no three views in a row.
     pub(super) fn noise(&self, at: (usize, usize)) -> f32 {
         let n = self.points.len();
         let middle = |k: usize, count: usize| k.clamp(1, count.max(3) - 2);
@@ -228,9 +230,9 @@ impl<'a> SampleSet<'a> {
         let mut squares: Vec<f32> = squares.filter(|s| s.is_finite()).collect();
         squares.sort_unstable_by(f32::total_cmp);
         let median = squares.get(squares.len() / 2).copied().unwrap_or(f32::INFINITY);
-        // A second difference has six times the variance of a sample, and less where neighbouring views share pixels; the
-        // median of squares is 0.455 (one channel) to 0.79 (three) of their mean.
-        // Where less light falls, values are continued outwards, and what neighbours share grows.
+        // A second difference has six times the variance of a sample, and less where neighbouring views share pixels;
+        // the median of squares is 0.455 (one channel) to 0.79 (three) of their mean. Where less light falls, values
+        // are continued outwards, and what neighbours share grows.
         let light = self.weights[at.0 * self.columns + at.1].max(0.1);
         4.0 * median / (6.0 * 0.455) / (light * light)
     }

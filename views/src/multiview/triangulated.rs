@@ -1,5 +1,5 @@
-//! Section 4.3 as the paper has it: all samples at their exact places are triangulated, and the remaining pixels interpolated
-//! barycentrically. Samples closer than half a pixel are joined to their mean first.
+//! Section 4.3 as the paper has it: all samples at their exact places are triangulated, and the remaining pixels
+//! interpolated barycentrically. Samples closer than half a pixel are joined to their mean first.
 
 use lenslet_core::sampling::Weights;
 use ndarray::{Array2, Array3};

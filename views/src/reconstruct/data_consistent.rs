@@ -1,4 +1,5 @@
-//! Views reconstructed with their measured samples at hand: noise is known where it is, and what was measured stays true.
+//! Reconstruction of views whose measured samples are available: views are back-projected onto them, to within their
+//! noise.
 
 use lenslet_core::decode::HexSamples;
 use lenslet_core::interpolation::Interpolation;
@@ -10,7 +11,7 @@ use super::measurements::Measurements;
 use super::reconstructor::{Reconstructor, checked_luminance};
 use crate::Error;
 
-/// Reconstruction of views whose samples are at hand.
+/// Reconstruction of views whose measured samples are available.
 #[derive(Debug, Clone)]
 pub struct DataConsistent {
     reconstructor: Reconstructor,
@@ -37,11 +38,12 @@ impl DataConsistent {
         Ok(DataConsistent { reconstructor, measurements, refined: interpolation == Interpolation::Multiview })
     }
 
-    /// Reconstructs a view made from samples of which its own are `values` (lenslets, c), in linear light. Clamped to 0..1.
+    /// Reconstructs a view made from samples of which its own are `values` (lenslets, c), in linear light. Clamped to
+    /// 0..1.
     ///
-    /// Interpolated views return their samples where they are not clamped, but for noise and about a thousandth of the range.
-    /// Refined views are moved to their samples where they are clearly off before they are reconstructed and, except by a
-    /// network that takes the samples as side inputs, after it.
+    /// Sampled again at the lenslet centres, a reconstructed interpolated view gives its samples to within their noise
+    /// and about 0.001, except where it is clamped. A refined view is moved to its samples where it is clearly off:
+    /// before the reconstruction, and after it unless a network with the samples as side inputs made it.
     ///
     /// # Errors
     /// Shapes that do not belong together, what the solver reports.
@@ -50,14 +52,14 @@ impl DataConsistent {
         let inputs = self.reconstructor.side_inputs();
         let inputs = inputs.iter().map(|&i| self.measurements.interpolate_own_samples(values, i));
         let inputs = inputs.collect::<Result<Vec<_>, Error>>()?;
-        // Where a refined view is clearly off, its features would be those of something else.
+        // First, since features computed where a refined view is clearly off would be wrong.
         let sharp = if self.refined {
             let kept = self.measurements.project_onto_samples(&y, values, true)?;
             self.reconstructor.reconstruct_plane(kept.view(), &inputs)?
         } else {
             self.reconstructor.reconstruct_plane(y.view(), &inputs)?
         };
-        // A network that takes the samples as inputs has weighed them already.
+        // A network with side inputs takes account of the samples itself.
         let sharp = if inputs.is_empty() {
             self.measurements.project_onto_samples(&sharp, values, self.refined)?
         } else {
@@ -66,7 +68,7 @@ impl DataConsistent {
         Ok(View::new(guided::with_luminance(low.pixels(), &y, &sharp, self.reconstructor.colour_radius())))
     }
 
-    /// What was measured.
+    /// The measured samples and their noise.
     #[must_use]
     pub fn measurements(&self) -> &Measurements {
         &self.measurements
@@ -140,13 +142,13 @@ mod tests {
         let (plain, _) = off(&exact, &reconstructor.reconstruct_view(&low).unwrap());
         let (rms, worst) = off(&exact, &exact.reconstruct_view(&low, values).unwrap());
         assert!(rms < 0.001 && worst < 0.02 && rms < 0.3 * plain, "{rms} {worst} against {plain}");
-        // Given noise, nothing is moved that noise explains, and the rest to within it.
+        // With noise given, differences within it are left alone, and larger ones reduced to it.
         let noisy =
             DataConsistent::new(reconstructor.clone(), &samples, Interpolation::Barycentric, (200, 200), Some(0.02))
                 .unwrap();
         let (_, worst) = off(&noisy, &noisy.reconstruct_view(&low, values).unwrap());
         assert!(worst < 0.03, "{worst}");
-        // Noise that explains everything leaves the dictionary's view as it is.
+        // With noise larger than every difference the dictionary's view is unchanged.
         let blind =
             DataConsistent::new(reconstructor.clone(), &samples, Interpolation::Barycentric, (200, 200), Some(10.0))
                 .unwrap();
@@ -175,7 +177,7 @@ mod tests {
             reconstructor.side_inputs().iter().map(|&b| truth.interpolate_own_samples(values, b).unwrap()).collect();
         let by_hand = reconstructor.reconstruct_plane(kept.view(), &beside).unwrap();
         assert!((&found - &by_hand).iter().all(|d| d.abs() < 1e-3));
-        // Without what it wants to see, the codes stand in.
+        // Without its side inputs the LASSO codes are used.
         let blind = reconstructor.reconstruct_plane(kept.view(), &[]).unwrap();
         let codes = Options { mode: crate::reconstruct::Mode::Lasso, ..Options::default() };
         assert_eq!(

@@ -19,14 +19,14 @@ pub fn names() -> impl Iterator<Item = &'static str> {
     INDEX.iter().map(|(name, _)| *name)
 }
 
-/// A dictionary inside the program by its name; `None` where no such is.
+/// A dictionary inside the program by its name; `None` where there is none of that name.
 #[must_use]
 pub fn named(name: &str) -> Option<Result<Dictionary, dictionary::Error>> {
     let (name, bytes) = INDEX.iter().find(|(known, _)| *known == name)?;
     Some(dictionary::from_bytes(bytes, &format!("the embedded dictionary {name}")))
 }
 
-/// The first name all of whose models are of such a kind.
+/// The first name all of whose models are of a wanted kind.
 fn name_with(wanted: impl Fn(&ModelKind) -> bool) -> Option<&'static str> {
     let fits = |name, bytes| dictionary::read_kinds(bytes, name).is_ok_and(|kinds| kinds.iter().all(&wanted));
     INDEX.iter().find(|(name, bytes)| fits(name, bytes)).map(|(name, _)| *name)
@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_dictionary_is_whole_and_made_for_what_it_is_taken_for() {
+    fn every_dictionary_is_whole_and_chosen_for_the_views_it_was_trained_on() {
         for (name, bytes) in INDEX {
             let kinds: Vec<ModelKind> = named(name).unwrap().unwrap().models.iter().map(|m| m.kind()).collect();
             assert_eq!(dictionary::read_kinds(bytes, name).unwrap(), kinds, "{name}");

@@ -1,5 +1,5 @@
-//! Colours of reconstructed views, guided by their luminance: colour differences follow the luminance by the guided filter
-//! (He, Sun, Tang 2013), and what they show beside it stays as far as it is more than noise (Wiener, locally).
+//! Colours of reconstructed views, guided by their luminance: colour differences follow the luminance by the guided
+//! filter (He, Sun, Tang 2013), and the remainder is kept as far as it exceeds noise (local Wiener filter).
 
 use lenslet_core::colour::LUMINANCE;
 use lenslet_core::image::box_mean_in_bands;
@@ -18,8 +18,8 @@ const AROUND: usize = 2;
 ///
 /// Source: chosen.
 const STEPS: usize = 8;
-/// Share of the windows of one luminance that contain noise alone; the largest variance among them times `FACTOR` is the
-/// variance of the noise.
+/// Share of the windows of one luminance that contain noise alone; the largest variance among them times `FACTOR` is
+/// the variance of the noise.
 ///
 /// Source: chosen.
 const QUIET: f64 = 0.25;
@@ -32,8 +32,8 @@ const FACTOR: f32 = 2.5;
 /// Source: chosen for speed.
 const SPARSE: usize = 3;
 
-/// The view (t, s, 3), sRGB-encoded, with the luminance `after` instead of `before`, its own. Its colour differences are smoothed
-/// in windows of 2·`radius` + 1 pixels. A view of one channel becomes `after`. Clamped to 0..1.
+/// The view (t, s, 3), sRGB-encoded, with the luminance `after` instead of `before`, its own. Its colour differences
+/// are smoothed in windows of 2·`radius` + 1 pixels. A view of one channel becomes `after`. Clamped to 0..1.
 pub(crate) fn with_luminance(
     view: &Array3<f32>,
     before: &Array2<f32>,
@@ -47,7 +47,7 @@ pub(crate) fn with_luminance(
         }
         return out;
     }
-    // Two differences tell the third: weighed by the luminance's own weights they sum to nothing.
+    // Two differences determine the third: with the weights of luminance they sum to zero.
     let difference = |k: usize| &view.index_axis(Axis(2), k) - before;
     let [red, blue] = smooth(after, [difference(0), difference(2)], radius);
     let [wr, wg, wb] = LUMINANCE;
@@ -87,7 +87,7 @@ fn smooth(guide: &Array2<f32>, differences: [Array2<f32>; 2], radius: usize) -> 
             (guided, left)
         })
         .collect();
-    // What is left counts by the colours' common size, green with the others.
+    // The remainder is attenuated by the energy of all three colours together.
     let [wr, wg, wb] = LUMINANCE;
     let mut energy = Array2::zeros(guide.dim());
     ndarray::Zip::from(&mut energy).and(&followed[0].1).and(&followed[1].1).for_each(|e: &mut f32, &r, &b| {
@@ -112,7 +112,8 @@ fn step(luminance: f32) -> usize {
     ((luminance.max(0.0) * STEPS as f32) as usize).min(STEPS - 1)
 }
 
-/// Energy of noise in windows, by luminance: from the quietest among windows of like luminance. Nothing where there are few.
+/// Energy of noise in windows, by luminance: from the quietest among windows of like luminance. 0 where there are fewer
+/// than 16.
 fn noise(guide: &Array2<f32>, energy: &Array2<f32>) -> [f32; STEPS] {
     let mut groups: [Vec<f32>; STEPS] = Default::default();
     for (i, e) in guide.rows().into_iter().zip(energy.rows()).step_by(SPARSE) {
@@ -185,7 +186,7 @@ mod tests {
         let flat = Array3::from_shape_fn((9, 1, 3), |(_, _, k)| [0.8, 0.2, 0.4][k]);
         let y = luminance(flat.view());
         assert!((&with_luminance(&flat, &y, &(&y + 0.1), 3) - &flat).iter().all(|d| (d - 0.1).abs() < 1e-5));
-        // One channel is its luminance; what is not a number is nothing.
+        // One channel is its luminance; NaN counts as 0.
         let one = Array3::from_elem((4, 5, 1), 0.25);
         let after = Array2::from_elem((4, 5), 1.5);
         assert_eq!(

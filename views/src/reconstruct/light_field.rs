@@ -38,9 +38,9 @@ impl Enlargement {
     }
 }
 
-/// Reconstructs every view of `source` into `sink`, which takes values in colour space `to`. One view at a time in memory.
-/// With the samples that the views were made of, and the standard deviation of their noise where it is known, these stay true
-/// (see [`DataConsistent`]).
+/// Reconstructs every view of `source` into `sink`, which takes values in colour space `to`. One view at a time in
+/// memory. With the samples that the views were made of, and the standard deviation of their noise where it is known,
+/// these stay true (see [`DataConsistent`]).
 ///
 /// # Errors
 /// Views that cannot be read or written, samples of other views, a factor out of range, interruption

@@ -21,8 +21,8 @@ const ROUNDS: usize = 4;
 ///
 /// Source: chosen on simulated captures of four noise levels (docs/learned-reconstruction.md).
 const OWN: f32 = 0.5;
-/// Tolerance for multiview-refined views, in parts of the noise and of the range: many samples made them, so they are off by
-/// less than one sample is, mismatches excepted.
+/// Tolerance for multiview-refined views, in parts of the noise and of the range: many samples made them, so they are
+/// off by less than one sample is, mismatches excepted.
 ///
 /// Source: chosen on simulated captures.
 const REFINED: (f32, f32) = (1.5, 0.01);
@@ -38,7 +38,8 @@ pub struct Measurements {
 
 impl Measurements {
     /// Samples that see `footprint` (`pitch` output pixels wide), for views of (width, height) pixels; `noise` as in
-    /// [`super::Options::noise`]; `alone` is what [`Measurements::interpolate_own_samples`] will be asked for.
+    /// [`super::Options::noise`]; `alone`: the interpolations that
+    /// [`Measurements::interpolate_own_samples`] can then give.
     ///
     /// # Errors
     /// Samples that cannot be triangulated, a size out of range.
@@ -75,8 +76,8 @@ impl Measurements {
         Ok(Noise::estimate(&encoded_luminance(values)?, colours.as_deref(), &self.neighbours))
     }
 
-    /// Moves a view's luminance (t, s), sRGB-encoded, towards its samples: differences that noise explains stay. Views made
-    /// of the samples of all the others (`refined`) are moved only where they are clearly off.
+    /// Moves a view's luminance (t, s), sRGB-encoded, towards its samples: differences within the noise are left. Views
+    /// made of the samples of all the others (`refined`) are moved only where they are clearly off.
     ///
     /// # Errors
     /// Shapes that do not belong together.
@@ -93,7 +94,8 @@ impl Measurements {
         Ok(back_project(plane, &self.operator, ndarray::aview1(&samples), ROUNDS, &left)?.0)
     }
 
-    /// A view's luminance, sRGB-encoded, as `base` (barycentric or cubic) interpolates it from the view's own samples, 0..1.
+    /// A view's luminance, sRGB-encoded, as `base` (barycentric or cubic) interpolates it from the view's own samples,
+    /// 0..1.
     ///
     /// # Errors
     /// Another number of samples, another base.
@@ -113,7 +115,7 @@ impl Measurements {
         }
     }
 
-    /// What a view's luminance says at the lenslet centres.
+    /// A view's luminance sampled at the lenslet centres.
     ///
     /// # Errors
     /// An empty plane.

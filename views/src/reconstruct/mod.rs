@@ -1,5 +1,5 @@
 //! Learned reconstruction of views and whole light fields (paper section 4.4): eq. (4) on the luminance of every view,
-//! colour differences of the interpolated view guided by it, and measured samples kept true.
+//! colour differences of the interpolated view guided by it, and back-projection onto the measured samples.
 
 mod data_consistent;
 mod embedded;

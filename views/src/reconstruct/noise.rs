@@ -1,11 +1,12 @@
-//! How noisy samples are, by their brightness: what a sample differs from its neighbours in the flattest parts.
+//! Noise of samples as a function of their brightness, estimated from differences between neighbours in the flattest
+//! parts.
 //!
-//! Texture is nearly the same in all colours, noise is not: where there are colours, differences between them show noise that
-//! luminance hides in texture. The smaller of both estimates is taken.
+//! Texture is nearly the same in all colours, noise is not: where there are colours, differences between them show
+//! noise that luminance hides in texture. The smaller of both estimates is taken.
 //!
-//! For every sample, r = value − mean of its neighbours on the triangulation, whose variance is σ²(1 + 1/k) for k of them;
-//! then the root mean square of r over the sample and its neighbours. Among samples of a brightness, the lowest of these
-//! come from places with nothing but noise.
+//! For every sample, r = value − mean of its neighbours on the triangulation, whose variance is σ²(1 + 1/k) for k of
+//! them; then the root mean square of r over the sample and its neighbours. Among samples of a brightness, the lowest
+//! of these come from places with nothing but noise.
 
 use lenslet_core::geometry::triangulate;
 use lenslet_core::sampling;
@@ -14,7 +15,7 @@ use lenslet_core::sampling;
 ///
 /// Source: chosen.
 const BINS: usize = 16;
-/// Share of a bin's samples that are taken to be flat.
+/// Share of a bin's samples that are assumed to lie in flat parts.
 ///
 /// Source: chosen.
 const FLAT: f32 = 0.1;
@@ -121,7 +122,7 @@ fn curve(values: &[f32], brightness: &[(f32, f32)], neighbours: &Neighbours) -> 
         let place = (FLAT * bin.len() as f32) as usize;
         (bin.len() >= FEWEST).then(|| bin.select_nth_unstable_by(place, f32::total_cmp).1.sqrt() / QUANTILE)
     });
-    // A brightness that hardly occurs has the noise of the nearest that does; none does: no noise is known.
+    // A bin of too few samples takes the noise of the nearest bin with enough; 0 where no bin has enough.
     std::array::from_fn(|k| {
         let near = (0..BINS).filter(|&j| found[j].is_some()).min_by_key(|&j| j.abs_diff(k));
         near.and_then(|j| found[j]).unwrap_or(0.0)
@@ -145,7 +146,7 @@ mod tests {
         let neighbours = Neighbours::new(&centres).unwrap();
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let mut normal = || lenslet_core::random::standard_normal(&mut rng) as f32;
-        // Half of it flat at two levels with noise of their own, half textured.
+        // Half of it flat at two levels with different noise, half textured.
         for (dark, bright) in [(0.02f32, 0.005f32), (0.01, 0.03)] {
             let values: Vec<f32> = centres
                 .iter()
@@ -165,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn texture_is_told_from_noise_by_its_colours() {
+    fn colours_separate_texture_from_noise() {
         let centres = lattice(110);
         let neighbours = Neighbours::new(&centres).unwrap();
         let mut rng = ChaCha8Rng::seed_from_u64(4);

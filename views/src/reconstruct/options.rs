@@ -1,4 +1,4 @@
-//! What a caller chooses of learned reconstruction.
+//! Options of learned reconstruction.
 
 use lenslet_core::dictionary::Footprint;
 
@@ -7,10 +7,10 @@ use lenslet_core::dictionary::Footprint;
 pub enum Mode {
     /// The LASSO codes of eq. (4); for refined views the dictionary's network, where it has one.
     Learned,
-    /// Anchored regressors, for refined views the network, patches further apart.
+    /// Anchored regressors, for refined views the network; patches further apart.
     Fast,
-    /// As `Learned`, averaged over four mirrored copies of the view; of interpolated views the mean of the LASSO codes and
-    /// the network, where there is one.
+    /// As `Learned`, averaged over four mirrored copies of the view; of interpolated views the mean of the LASSO codes
+    /// and the network, where there is one.
     Best,
     /// One ridge regressor for all patches: what a linear filter alone gives.
     Ridge,
@@ -41,19 +41,19 @@ impl Mode {
 /// Options of a [`super::Reconstructor`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
-    /// How much work.
+    /// How much work; default [`Mode::Learned`].
     pub mode: Mode,
-    /// What a sample of the view was: a point (the default: nothing is sharpened beyond what was measured) or the mean over
-    /// the lenslet, which is undone as well, noise included. A dictionary without a model for it falls back to its first model.
+    /// What a sample of the view is: the image at a point (the default), or its mean over the lenslet, which is then
+    /// sharpened as well, noise included. A dictionary without a model for it falls back to its first model.
     pub footprint: Footprint,
-    /// Pixels between patches instead of the mode's own.
+    /// Pixels between neighbouring patches, at least 1; `None`, the default: as the mode has it.
     pub step: Option<usize>,
-    /// λ instead of the trained one.
+    /// λ of eq. (4), 0 to 1; `None`, the default: the trained one.
     pub lambda: Option<f32>,
-    /// Copies averaged instead of the mode's own number (1, 2 or 4).
+    /// Mirrored copies averaged, 1, 2 or 4; `None`, the default: as the mode has it.
     pub ensemble: Option<usize>,
-    /// Standard deviation of the samples' noise (sRGB-encoded luminance, 0..1) instead of what is estimated from them, where
-    /// the measured samples are at hand: see [`super::Measurements`].
+    /// Standard deviation of the measured samples' noise (sRGB-encoded luminance, 0..1), where they are available (see
+    /// [`super::Measurements`]); `None`, the default: estimated from them.
     pub noise: Option<f32>,
 }
 

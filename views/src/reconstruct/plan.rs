@@ -19,7 +19,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// What `options` ask for with this model: [`Mode::Learned`] is the network on refined views of a dictionary that
+    /// The plan of `options` with this model: [`Mode::Learned`] is the network on refined views of a dictionary that
     /// has one, the LASSO codes otherwise; [`Mode::Fast`] the network or the anchored regressors.
     #[must_use]
     pub fn new(model: &Model, options: &Options) -> Plan {

@@ -71,19 +71,20 @@ impl Reconstructor {
         self.first.model()
     }
 
-    /// Which interpolations of a view's own samples it takes beside the view.
+    /// Interpolations of a view's own samples that are inputs besides the view.
     #[must_use]
     pub fn side_inputs(&self) -> &[Interpolation] {
         self.first.side_inputs()
     }
 
-    /// Half the side of the windows in which colours are smoothed, pixels: about what a sample takes.
+    /// Half the side of the windows in which colours are smoothed, pixels: about the pitch.
     pub(super) fn colour_radius(&self) -> usize {
         (self.model().pitch.round() as usize).clamp(1, 16)
     }
 
-    /// Reconstructs a plane (t, s) of sRGB-encoded luminance, 0..1, given the images that [`Reconstructor::side_inputs`]
-    /// names, in that order (none: the LASSO codes take the network's place). The result is not clamped.
+    /// Reconstructs a plane (t, s) of sRGB-encoded luminance, 0..1, given the images that
+    /// [`Reconstructor::side_inputs`] names, in that order (none: the LASSO codes take the network's place). The result
+    /// is not clamped.
     ///
     /// # Errors
     /// What the solver reports; images of another size or number.
@@ -99,8 +100,8 @@ impl Reconstructor {
         }
     }
 
-    /// Reconstructs a view with one or three channels: luminance learned, colour differences those of the view, guided by
-    /// it. Clamped to 0..1.
+    /// Reconstructs a view with one or three channels: luminance learned, colour differences those of the view, guided
+    /// by it. Clamped to 0..1.
     ///
     /// # Errors
     /// Another number of channels; what the solver reports.

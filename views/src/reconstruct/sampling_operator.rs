@@ -1,5 +1,5 @@
-//! Measured samples stay true: z ← z + U(y − S z), where S takes the samples out of a plane as the camera does, and U
-//! interpolates what is missing. A few rounds bring S z to y.
+//! Back-projection onto measured samples: z ← z + U(y − S z), where S samples a plane as the camera does and U
+//! interpolates the differences over the plane. A few rounds bring S z to y.
 
 use lenslet_core::dictionary::Footprint;
 use lenslet_core::sampling::{self, Weights, sample_image};
@@ -14,8 +14,8 @@ pub struct SamplingOperator {
 }
 
 impl SamplingOperator {
-    /// Samples at `centres` (x, y in output pixels), each seeing `footprint` (`pitch` output pixels wide where it is the
-    /// lenslet's), of a plane of (width, height).
+    /// Samples at `centres` (x, y in output pixels), each seeing `footprint` (`pitch` output pixels wide where it is
+    /// the lenslet's), of a plane of (width, height).
     ///
     /// # Errors
     /// Centres that cannot be triangulated, a size out of range.
@@ -54,7 +54,8 @@ impl SamplingOperator {
 
 /// Moves `plane` so that its samples approach `values`; returns it and the largest difference left.
 ///
-/// A difference up to `noise` (standard deviation of each sample's noise; none where empty) is left as it is: it may be noise.
+/// A difference up to `noise` (standard deviation of each sample's noise; none where empty) is left as it is: it may be
+/// noise.
 ///
 /// # Errors
 /// Shapes that do not belong together.

@@ -1,4 +1,4 @@
-//! The front door: `samples.renderer(method)`, a few choices, `prepare`.
+//! The builder of renderers: `samples.renderer(method)`, size and observer, `prepare`.
 
 use lenslet_core::decode::HexSamples;
 use lenslet_core::geometry::Size;
@@ -14,7 +14,7 @@ use crate::target::native_size;
 /// Source: paper, section 4 (1080 pixels).
 const LONGER_SIDE: usize = 1080;
 
-/// Choices before [`RendererBuilder::prepare`].
+/// Method, size and observer of a [`Renderer`] to be prepared.
 pub struct RendererBuilder<'a> {
     samples: &'a HexSamples,
     method: Method,
@@ -24,7 +24,7 @@ pub struct RendererBuilder<'a> {
 
 /// Rendering of hexagonal samples.
 pub trait RenderSamples {
-    /// Begins to prepare the rendering of views by `method`: at 1080 pixels along the longer side unless told otherwise.
+    /// A builder for the rendering of views by `method`; the default size is 1080 pixels along the longer side.
     fn renderer(&self, method: impl Into<Method>) -> RendererBuilder<'_>;
 }
 
@@ -57,7 +57,7 @@ impl<'a> RendererBuilder<'a> {
         self
     }
 
-    /// Who sees progress and can interrupt (default: nobody).
+    /// The observer of progress, which can interrupt (default: [`Silent`]).
     #[must_use]
     pub fn observer(mut self, observer: &'a dyn Observer) -> Self {
         self.observer = observer;

@@ -27,7 +27,8 @@ enum Source<'a> {
 }
 
 impl<'a> InterpolatedViews<'a> {
-    /// Prepares `interpolation` at the size `target`; multi-view estimates disparity here, which takes the longest.
+    /// Prepares `interpolation` at the size `target`; multi-view estimates disparity here, which takes most of the
+    /// time.
     ///
     /// # Errors
     /// Samples that cannot be triangulated, a size out of range, interruption.

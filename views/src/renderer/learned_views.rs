@@ -3,9 +3,9 @@
 //! A dictionary is trained for one pitch. Where the target's pitch differs from it by more than a tenth, the view is
 //! interpolated and reconstructed at the dictionary's own pitch and then resized bicubically to the target.
 //!
-//! Views interpolated from their own samples keep these true. Views refined by all the others have a dictionary of their own,
-//! and are corrected by their samples only where they are clearly off: elsewhere they are nearer to the scene than a single
-//! noisy sample is.
+//! Views interpolated from their own samples are back-projected onto these. Views refined by all the others have a
+//! separate dictionary and are moved to their samples only where they are clearly off: elsewhere they are nearer to the
+//! scene than a single noisy sample is.
 
 use lenslet_core::decode::HexSamples;
 use lenslet_core::dictionary::Dictionary;
@@ -29,15 +29,15 @@ pub struct LearnedViews<'a> {
 }
 
 enum Step {
-    /// With the measured samples kept true.
+    /// With back-projection onto the measured samples.
     Consistent(Box<DataConsistent>),
     /// The dictionary alone.
     Alone(Box<Reconstructor>),
 }
 
 impl<'a> LearnedViews<'a> {
-    /// Prepares `dictionary` for views of the size `target` that `interpolation` makes of the samples. What does not fit (a
-    /// dictionary trained on other views, for another pitch) goes to `observer` as a note.
+    /// Prepares `dictionary` for views of the size `target` that `interpolation` makes of the samples. What does not
+    /// fit (a dictionary trained on other views, for another pitch) goes to `observer` as a note.
     ///
     /// # Errors
     /// A dictionary that cannot be used, options out of range, samples that cannot be triangulated.
@@ -54,7 +54,7 @@ impl<'a> LearnedViews<'a> {
         let (trained, pitch) = (reconstructor.model().base, reconstructor.model().pitch);
         if (trained == Interpolation::Multiview) != (interpolation == Interpolation::Multiview) {
             observer.note(&format!(
-                "the dictionary was trained on {trained} views, these are {interpolation}: expect less"
+                "the dictionary was trained on {trained} views, these are {interpolation}: expect lower quality"
             ));
         }
         let working = working_size(samples, target, pitch);

@@ -1,4 +1,4 @@
-//! One road from samples to views: an interpolation, learned reconstruction on top or not, one view or all.
+//! From samples to views by any method: an interpolation, learned reconstruction on top or not, one view or all.
 
 mod builder;
 mod interpolated_views;

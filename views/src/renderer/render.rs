@@ -1,4 +1,4 @@
-//! One road from samples to views, whatever the method.
+//! The renderer: from samples to views, whatever the method.
 
 use std::path::Path;
 
@@ -125,7 +125,7 @@ impl<'a> Renderer<'a> {
         self.render_views(&all, sink)
     }
 
-    /// What is known of the light field that these views make.
+    /// The description of the light field of all these views: size, colour space, pitch, method.
     #[must_use]
     pub fn describe(&self, colour: ColourSpace) -> Meta {
         let samples = self.samples;
@@ -152,8 +152,8 @@ impl<'a> Renderer<'a> {
         Ok(LightField { meta, data })
     }
 
-    /// Renders all views to `path`, sRGB-encoded: a folder of pictures, or a file by its ending (`.npy`, `.mat`, …). Whole
-    /// or not at all; what is there already is not replaced.
+    /// Renders all views to `path`, sRGB-encoded: a folder of pictures, or a file by its ending (`.npy`, `.mat`, …).
+    /// Whole or not at all; what is there already is not replaced.
     ///
     /// # Errors
     /// As [`Renderer::render_views`]; a path that exists or cannot be written.

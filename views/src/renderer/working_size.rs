@@ -6,13 +6,14 @@ use lenslet_core::sampling::MAX_PIXELS;
 
 use crate::target::mean_pitch;
 
-/// Relative difference between the pitch of the views and that of a dictionary up to which the dictionary is used as it is.
+/// Relative difference between the pitch of the views and that of a dictionary up to which the dictionary is used as it
+/// is.
 ///
 /// Source: chosen.
 const PITCH_TOLERANCE: f64 = 0.1;
 
-/// The size at which views of `target` are reconstructed, given the pitch of the samples on the sensor and that of the model
-/// (`trained`, pixels): `target`, or the size at which the samples lie `trained` pixels apart.
+/// The size at which views of `target` are reconstructed, given the pitch of the samples on the sensor and that of the
+/// model (`trained`, pixels): `target`, or the size at which the samples lie `trained` pixels apart.
 #[must_use]
 pub fn working_size(samples: &HexSamples, target: &Size, trained: f64) -> Size {
     let actual = mean_pitch(samples) * target.width as f64 / samples.sensor.0.max(1) as f64;
@@ -32,7 +33,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn other_pitches_are_worked_at_the_trained_one() {
+    fn views_of_another_pitch_are_reconstructed_at_the_trained_one() {
         let lenslets = 30 * 30;
         let samples = HexSamples {
             sensor: (300, 300),

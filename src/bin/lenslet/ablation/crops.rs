@@ -20,7 +20,7 @@ const SIDE: usize = 140;
 /// Source: chosen.
 pub(super) const GAIN: f32 = 6.0;
 
-/// Where a scene is looked at closely: the upper left corner of the crop. On the chart the line pairs next to the middle.
+/// Upper left corner of the crop that is shown of a scene. On the chart the line pairs next to the middle.
 pub(super) fn corner_in_scene(kind: SceneName, regions: &[Region], size: (usize, usize)) -> (usize, usize) {
     let middle = |r: &Region| [(r.bounds[0] + r.bounds[2]) / 2.0, (r.bounds[1] + r.bounds[3]) / 2.0];
     let distance = |r: &&Region| {
@@ -35,7 +35,8 @@ pub(super) fn corner_in_scene(kind: SceneName, regions: &[Region], size: (usize,
     corner(at.unwrap_or([0.5, 0.5]), size)
 }
 
-/// Where a real capture shows most detail, whatever is made of it: the upper left corner of the crop of a view of `size`.
+/// Upper left corner of the crop of a view of `size` of a real capture: where its raw mosaic has most detail, so that
+/// all variants show the same place.
 pub(super) fn corner_in_capture(mosaic: &RawMosaic, size: (usize, usize)) -> (usize, usize) {
     // Means of squares that hold some micro-images each.
     const SQUARE: usize = 20;
@@ -52,8 +53,8 @@ fn corner(at: [f64; 2], (width, height): (usize, usize)) -> (usize, usize) {
     (one(at[0], width), one(at[1], height))
 }
 
-/// Writes the crop and, where there is a truth, the crop's difference from it, and the truth; names by what they show. `image`
-/// linear, `truth` encoded.
+/// Writes the crop and, where there is a truth, the crop's difference from it, and the truth; names by what they show.
+/// `image` linear, `truth` encoded.
 pub(super) fn save_crops(
     out: &Path,
     key: &str,

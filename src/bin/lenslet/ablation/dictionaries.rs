@@ -21,7 +21,7 @@ use super::settings::Settings;
 /// Simulated pictures to train on where there are no photos.
 /// Source: chosen.
 const PICTURES: u64 = 6;
-/// The first of their seeds: none of a run's own.
+/// The first of their seeds; runs have other ones.
 const FIRST_SEED: u64 = 9000;
 
 /// A dictionary and the seconds its training took.
@@ -93,7 +93,7 @@ fn parameters(training: &Training, seed: u64, quick: bool) -> Parameters {
     }
 }
 
-/// Pictures of simulated scenes that no run looks at.
+/// Pictures of simulated scenes that no run is scored on.
 fn simulate_pictures(observer: &dyn Observer) -> Result<(Vec<PathBuf>, tempfile::TempDir)> {
     let folder = tempfile::tempdir()?;
     let camera = Camera::with_sensor(1640);

@@ -1,4 +1,4 @@
-//! The experiments: their names, and what each asks (paper section 5, figures 8 to 11, and what goes past it).
+//! The experiments: their names and their questions (paper section 5, figures 8 to 11, and further ones).
 
 use std::str::FromStr;
 
@@ -14,11 +14,11 @@ pub enum Experiment {
     Subpixel,
     /// The paper's four methods and ours (figures 10, 11).
     Resampling,
-    /// What of the dictionary matters.
+    /// Which parameters of the dictionary matter.
     Dictionary,
     /// Captures of rising noise.
     Noise,
-    /// How three colours come from one.
+    /// How the two missing colours of each pixel are filled in.
     Demosaic,
     /// With and without division by the white image.
     Vignetting,
@@ -57,7 +57,7 @@ impl Experiment {
         }
     }
 
-    /// What it asks, in a sentence.
+    /// Its question, in a sentence.
     pub fn question(self) -> &'static str {
         match self {
             Experiment::Calibration => "What does calibration give? (figure 8 of the paper)",

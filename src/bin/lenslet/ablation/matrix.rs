@@ -1,4 +1,5 @@
-//! The run matrix: which chains of steps are compared on which scenes (paper section 5, figures 8 to 11, and what goes past it).
+//! The run matrix: which chains of steps are compared on which scenes (paper section 5, figures 8 to 11, and further
+//! ones).
 
 use std::path::PathBuf;
 
@@ -28,7 +29,8 @@ pub enum Subject {
 }
 
 impl Subject {
-    /// Name in tables. Of files only the name is shown, never where they lie; all peers share the truth they are scored on.
+    /// Name in tables. Of files only the name is shown, never where they lie; all peers share the truth they are scored
+    /// on.
     pub fn name(&self) -> String {
         match self {
             Subject::Scene(kind) => kind.name().to_owned(),
@@ -64,7 +66,7 @@ impl Run {
         digest
     }
 
-    /// For people.
+    /// A description for progress and messages.
     pub fn title(&self) -> String {
         format!("{}: {}, {}, seed {}", self.experiment.name(), self.variant, self.subject.name(), self.seed)
     }
@@ -227,7 +229,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_run_has_a_key_of_its_own_that_stays() {
+    fn keys_of_runs_are_unique_and_stable() {
         for quick in [false, true] {
             let settings = Settings { quick, ..Settings::default() };
             let runs = plan(&settings).unwrap();

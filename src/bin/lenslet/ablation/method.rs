@@ -16,7 +16,7 @@ pub enum Method {
     Cubic,
     /// Section 4.3, fitted by least squares.
     Multiview,
-    /// Section 4.3 as the paper has it: barycentric on the triangulation of the samples of all views.
+    /// Section 4.3 as in the paper: barycentric on the triangulation of the samples of all views.
     MultiviewTriangulated,
     /// Section 4.4 on the interpolation the dictionary was trained for.
     Learned,
@@ -76,7 +76,7 @@ impl Method {
         if self == Method::MultiviewTriangulated { Fit::Triangulation } else { Fit::Smooth }
     }
 
-    /// Whether a view takes seconds even of a small sensor: left out of quick runs.
+    /// Whether a view takes seconds even on a small sensor; quick runs leave these methods out.
     pub fn is_slow(self) -> bool {
         self == Method::MultiviewTriangulated
     }

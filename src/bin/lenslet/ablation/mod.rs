@@ -1,9 +1,9 @@
-//! The paper's experiments (section 5) as a run matrix: every run one JSON line with its parameters and scores, tables and a
-//! page made from the lines.
+//! The paper's experiments (section 5) as a run matrix: every run one JSON line with its parameters and scores, tables
+//! and a page made from the lines.
 //!
 //! [`plan`] lists the runs, [`run`] makes those that are missing and appends to `runs.jsonl`, [`write_tables`] and
-//! [`page::write_page`] turn lines into tables and the report, [`orderings`] asserts the orderings that must hold, [`compare`]
-//! compares two runs. A run that was interrupted goes on where it stopped.
+//! [`page::write_page`] turn lines into tables and the report, [`orderings`] asserts the orderings that must hold,
+//! [`compare`] compares two runs. A run that was interrupted goes on where it stopped.
 
 mod chain;
 pub mod compare;
@@ -51,7 +51,8 @@ pub struct Done {
 /// Runs everything of the plan that is not yet in `out/runs.jsonl`, in order.
 ///
 /// # Errors
-/// A folder that is not an ablation's (unless `force`), files that cannot be written, interruption (the finished runs stay).
+/// A folder that is not an ablation's (unless `force`), files that cannot be written, interruption (the finished runs
+/// stay).
 pub fn run(out: &Path, settings: &Settings, force: bool, observer: &dyn Observer) -> Result<Done> {
     let runs = plan(settings)?;
     let mut log = record::Log::open(out, force)?;

@@ -1,4 +1,5 @@
-//! The orderings the paper reports and ours adds, each with its margin: a mean over seeds of paired differences.
+//! The orderings that the paper reports and those of this project's methods, each with its margin: a mean over seeds of
+//! paired differences.
 
 use std::collections::BTreeMap;
 
@@ -148,7 +149,7 @@ mod tests {
         let broken = super::broken_orderings(&verdicts, &records);
         assert!(broken.iter().any(|b| b.contains("learned is not over barycentric")), "{broken:?}");
         assert_eq!(broken.len(), 1);
-        // An experiment that is there without what must be compared is no success.
+        // An experiment in the records without the rows that must be compared counts as a failure.
         let broken = super::broken_orderings(&super::judge_orderings(&records[..4]), &records[..4]);
         assert!(broken.iter().any(|b| b.contains("learned and barycentric could not")), "{broken:?}");
     }

@@ -1,4 +1,4 @@
-//! `report.html`, made of the tables: what was asked, the orderings, plots, the numbers, the same crop of every variant.
+//! `report.html`, made of the tables: the questions, orderings, plots, numbers, and the same crop of every variant.
 
 use std::path::{Component, Path};
 
@@ -131,7 +131,7 @@ fn line_pairs(table: &Table, which: usize) -> Option<String> {
     (2..=6).contains(&series.len()).then(|| line_plot("line pairs a lenslet", name, &series))
 }
 
-/// What training time buys: PSNR over seconds, a point a variant, on the first subject.
+/// PSNR over seconds of training, a point a variant, on the first subject.
 fn against_time(table: &Table) -> Option<String> {
     let column = |name: &str| table.columns.iter().position(|c| c == name);
     let (x, y) = (column("train_seconds")?, column("psnr")?);
@@ -168,7 +168,7 @@ fn pictures(page: &mut Page, out: &Path, subject: &str, rows: &[&Row]) {
     }
 }
 
-/// Where the closer look begins: at the most detail.
+/// Where the enlarged crop starts: at the most detail.
 fn start(picture: &EmbeddedPicture) -> [f64; 2] {
     let Ok(pixels) = image::load_from_memory(&picture.bytes) else { return [0.5; 2] };
     let pixels = pixels.into_luma8();

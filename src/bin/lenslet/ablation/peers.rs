@@ -1,5 +1,5 @@
-//! Light fields decoded by other tools, scored after registration: an affine map onto the truth estimated on the middle view,
-//! gain and offset of each channel matched, the alignment reported.
+//! Light fields decoded by other tools, scored after registration: an affine map onto the truth estimated on the middle
+//! view, gain and offset of each channel matched, the alignment reported.
 
 use std::collections::BTreeMap;
 use std::path::Path;

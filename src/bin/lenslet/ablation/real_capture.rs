@@ -1,4 +1,4 @@
-//! Real captures: a camera's files: its white images and captures, each read once, and the calibrations made of the white images.
+//! Real captures: a camera's white images and captures, each read once, and the calibrations made of the white images.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};

@@ -121,7 +121,7 @@ pub fn read(path: &Path) -> Result<Vec<Record>> {
     Ok(records)
 }
 
-/// The file, open for more.
+/// The file, open for appending.
 pub struct Log {
     path: PathBuf,
     file: File,
@@ -138,7 +138,7 @@ impl Log {
         let exists = path.exists();
         if !exists && !force && out.exists() && (!out.is_dir() || fs::read_dir(out)?.next().is_some()) {
             bail!(
-                "{} exists already and is no ablation to go on with; choose another name or add --force",
+                "{} exists already and is not an ablation to go on with; choose another name or add --force",
                 out.display()
             );
         }
@@ -152,11 +152,11 @@ impl Log {
         }
         let file = OpenOptions::new().create(true).append(true).open(&path);
         let file = file.with_context(|| format!("cannot write {}", path.display()))?;
-        // What a killed run left of a line goes.
+        // A line cut off by a killed run is removed.
         if exists {
             file.set_len(whole)?;
         }
-        // After the log, by which a folder is known as one to go on with.
+        // After the log, which marks the folder as one to go on with.
         let pictures = out.join("pictures");
         fs::create_dir_all(&pictures).with_context(|| format!("cannot write {}", pictures.display()))?;
         Ok(Log { path, file, keys })
@@ -220,7 +220,7 @@ mod tests {
         assert_eq!(read(&out.join(FILE)).unwrap(), [good.clone(), bad.clone()]);
         assert_eq!(good.scores.len(), 1);
         assert_eq!(bad.failed.as_deref(), Some("no luck"));
-        // Torn in the middle of a third line: it is not there, and the next one follows the second.
+        // Torn in the middle of a third line, which is dropped; the next one follows the second.
         let mut file = OpenOptions::new().append(true).open(out.join(FILE)).unwrap();
         file.write_all(b"{\"key\": \"12").unwrap();
         let mut log = Log::open(&out, false).unwrap();

@@ -1,5 +1,5 @@
-//! From samples to views (paper sections 4.1 to 4.4), each rendering made once: most experiments share most of their chains, and
-//! the learned methods start from the others' views.
+//! From samples to views (paper sections 4.1 to 4.4), each rendering made once: most experiments share most of their
+//! chains, and the learned methods start from the others' views.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -23,8 +23,8 @@ pub(super) struct Rendered {
     pub(super) seconds: f64,
 }
 
-/// What the runs of one capture share. [`RenderCache::enter`] comes before a run of another capture, or of the same with other
-/// lenslets hidden.
+/// What the runs of one capture share. [`RenderCache::enter`] comes before a run of another capture, or of the same
+/// with other lenslets hidden.
 #[derive(Default)]
 pub(super) struct RenderCache {
     capture: String,
@@ -36,7 +36,7 @@ pub(super) struct RenderCache {
 }
 
 impl RenderCache {
-    /// Forgets what is not of this capture and this part of its lenslets.
+    /// Drops whatever is not of this capture and this part of its lenslets.
     pub(super) fn enter(&mut self, capture: &str, part: &str) {
         if self.capture != capture {
             *self = RenderCache { capture: capture.to_owned(), ..RenderCache::default() };
@@ -61,7 +61,7 @@ impl RenderCache {
     }
 }
 
-/// The method whose views the learned ones start from; any other is its own.
+/// The method whose views a learned method starts from; of any other method itself.
 fn base(method: Method, dictionary: Option<&Dictionary>) -> Result<Method> {
     let trained_on = || {
         let model =
@@ -75,8 +75,8 @@ fn base(method: Method, dictionary: Option<&Dictionary>) -> Result<Method> {
     }
 }
 
-/// Renders the views (row v, column u) wanted of samples after the steps of the name given, or finds them among `kept`. The
-/// seconds are those of the first time.
+/// Renders the views (row v, column u) wanted of samples after the steps of the name given, or finds them among `kept`.
+/// The seconds are those of the first time.
 pub(super) fn render(
     (steps, samples): (&str, &HexSamples),
     target: &Size,
@@ -156,7 +156,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_kept_is_what_would_be_rendered() {
+    fn cached_views_equal_rendered_ones() {
         let samples = |gain: f32| {
             let centres: Vec<[f64; 2]> =
                 (0..256).map(|k| [5.0 + 10.0 * f64::from(k % 16), 5.0 + 10.0 * f64::from(k / 16)]).collect();

@@ -1,4 +1,4 @@
-//! A run from its capture to its scores: calibrate, decode, render and score, as its [`Chain`] has it.
+//! A run from its capture to its scores: calibrate, decode, render and score by its [`Chain`].
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -12,7 +12,7 @@ use ndarray::{Array2, Array3, ArrayView2, s};
 /// Scores by name.
 type Scores = BTreeMap<String, f64>;
 
-/// sRGB-encoded and clamped, as it would be looked at.
+/// sRGB-encoded and clamped, as it is displayed.
 pub(super) fn encoded(linear: &Array3<f32>) -> Array3<f32> {
     let mut view = linear.clone();
     colour::convert(&mut view, ColourSpace::Linear, ColourSpace::Srgb);

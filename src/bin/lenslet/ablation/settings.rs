@@ -1,10 +1,10 @@
-//! What an ablation runs, and on what.
+//! Which experiments an ablation runs, and on which data.
 
 use std::path::PathBuf;
 
 use super::experiment::Experiment;
 
-/// What to run, and on what.
+/// Which experiments to run, and on which data.
 #[derive(Debug, Clone, Default)]
 pub struct Settings {
     /// Which experiments; empty: all.

@@ -1,4 +1,5 @@
-//! Simulated captures: a camera, a scene, the capture with its white images, and the true views, kept while runs need them.
+//! Simulated captures: a camera, a scene, the capture with its white images, and the true views, kept while runs need
+//! them.
 
 use std::collections::HashMap;
 

@@ -99,7 +99,8 @@ pub struct Row {
     pub subject: String,
     /// A cell a column of the table, none where the score does not exist.
     pub cells: Vec<Option<Cell>>,
-    /// Line pairs of the chart: pairs a lenslet, contrast as a share of the truth's, what is not there; means over seeds.
+    /// Line pairs of the chart: pairs a lenslet, contrast as a share of the truth's, what is not there; means over
+    /// seeds.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub lines: Vec<[f64; 3]>,
     /// Pictures of the first seed, by what they show.
@@ -112,7 +113,7 @@ pub struct Row {
 pub struct Table {
     /// Experiment.
     pub experiment: String,
-    /// What it asks.
+    /// Its question.
     pub question: String,
     /// Names of the scores.
     pub columns: Vec<String>,

@@ -1,4 +1,4 @@
-//! `lenslet ablate`: the paper's experiments as a run matrix, their tables and report, checks of what must hold.
+//! `lenslet ablate`: the paper's experiments as a run matrix, their tables and report, checks of the orderings.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -50,7 +50,7 @@ pub struct Args {
     /// Fail unless the orderings that must hold do
     #[arg(long)]
     check: bool,
-    /// Say what changed against another run's runs.jsonl (or its folder)
+    /// Compare with another run's runs.jsonl (or its folder): which scores changed
     #[arg(long, value_name = "OLD")]
     against: Option<PathBuf>,
     /// Also write the tables as a Markdown page with command, machine and date
@@ -148,7 +148,7 @@ fn provenance(records: &[Record]) -> Vec<String> {
                 None if a.starts_with('-') => a,
                 None => name(&a),
             };
-            // As a shell takes it.
+            // Quoted for a shell.
             if word.contains([' ', '"', '\'', '$']) { format!("'{}'", word.replace('\'', "'\\''")) } else { word }
         })
         .collect();

@@ -1,4 +1,4 @@
-//! `--memory`: a run that takes more than it may ends by itself, before the machine runs out of memory.
+//! `--memory`: a run that exceeds its memory budget ends by itself, before the machine runs out of memory.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
@@ -12,12 +12,12 @@ const EVERY: Duration = Duration::from_millis(5);
 /// Source: chosen.
 const GRACE: usize = 64;
 
-/// What was in use, MiB, when the budget was found exceeded; 0 before that.
+/// Memory in use, MiB, when the budget was found exceeded; 0 before that.
 static SEEN: AtomicUsize = AtomicUsize::new(0);
 
-/// Watches the memory of this process from now on. Once more than `mib` is in use, the work is asked to end as by Ctrl-C;
-/// should it take [`GRACE`] more before it has, the process ends there and then, and its unfinished outputs are cleaned up
-/// by the next run. Without /proc there is nothing to watch.
+/// Watches the memory of this process from now on. Once more than `mib` is in use, the work is interrupted as by
+/// Ctrl-C; at [`GRACE`] more the process ends at once, and the next run removes its unfinished outputs. Without /proc
+/// nothing is watched.
 pub fn watch(mib: usize) -> std::io::Result<()> {
     let over = move || {
         while let Some(now) = resident() {

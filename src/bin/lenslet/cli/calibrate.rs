@@ -31,10 +31,12 @@ pub struct Args {
     /// White images of one camera
     #[arg(required_unless_present_any = ["from_captures", "bundle"], value_name = "WHITE")]
     whites: Vec<PathBuf>,
-    /// Ordinary captures of one camera instead of white images: five are typical, with two each lenslet has a place of its own
+    /// Ordinary captures of one camera instead of white images: five are typical; from two on every lenslet is
+    /// measured, from one only the lattice
     #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with = "whites")]
     from_captures: Vec<PathBuf>,
-    /// A camera's calibration folder, data.C.n bundle or .tar: calibrates every zoom and focus in it; --out is a folder then
+    /// A camera's calibration folder, data.C.n bundle or .tar: calibrates every zoom and focus in it; --out is a folder
+    /// then
     #[arg(long, value_name = "DIR", conflicts_with_all = ["whites", "from_captures", "picture", "dump"])]
     bundle: Option<PathBuf>,
     /// Black images (taken with the lens covered): their hot pixels are left out here and in decoding
@@ -46,14 +48,14 @@ pub struct Args {
     /// Replace an existing file
     #[arg(short, long)]
     force: bool,
-    /// Camera profile, where the files do not name their camera
+    /// Camera profile (a name or a TOML file), where the files do not name their camera
     #[arg(long, value_name = "NAME")]
     profile: Option<String>,
     /// Which centres to write, for comparison: full, paper, integer, rotation-only or none
     #[arg(long, value_name = "NAME", default_value_t)]
     variant: CalibrationVariant,
-    /// Also draw centres and triangulation over the white image: OUT.png whole, OUT-close.png enlarged, OUT-residuals.png how far
-    /// the lenslets lie from the regular lattice
+    /// Also draw centres and triangulation over the white image: OUT.png whole, OUT-close.png enlarged,
+    /// OUT-residuals.png how far the lenslets lie from the regular lattice
     #[arg(long, value_name = "OUT.png")]
     picture: Option<PathBuf>,
     /// Also write the images of the paper's own steps (figures 4 to 6) into a new folder
@@ -95,7 +97,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         }
     }
     if let Some(folder) = &args.dump {
-        // What is left out was noted above.
+        // What is left out has been noted.
         let kept = calibration::screen_captures(&captures, &options, &Silent).map_err(|e| e.in_file_of(&paths))?;
         let kept: Vec<&Capture> = kept.into_iter().map(|k| k.1).collect();
         let stages = paper::run_algorithm1(&kept, &context.progress).map_err(|e| e.in_file_of(&paths))?;
@@ -225,8 +227,8 @@ fn hot_pixels_of_files(args: &Args, white: &Capture, context: &Context) -> anyho
     Ok(hot)
 }
 
-/// Hot pixels of the black images of a calibration folder or bundle, for the camera of `white`; black images that cannot be used
-/// are passed over with a note.
+/// Hot pixels of the black images of a calibration folder or bundle, for the camera of `white`; black images that
+/// cannot be used are passed over with a note.
 pub fn hot_pixels(candidates: &[&CalibrationImage], white: &Capture, context: &Context) -> anyhow::Result<Vec<u32>> {
     let (mut paths, mut blacks) = (Vec::new(), Vec::new());
     for candidate in candidates.iter().take(MOST_BLACKS) {
@@ -261,7 +263,7 @@ fn same_sensor(a: &Capture, b: &Capture) -> bool {
     size(a) == size(b) && !matches!(serials, (Some(a), Some(b)) if a != b)
 }
 
-/// What a calibration is, for machines; `info` prints the same words.
+/// A calibration as JSON; `info` prints the same keys.
 pub fn summary(c: &Calibration) -> Value {
     json!({
         "pitch": c.lattice.pitch(),

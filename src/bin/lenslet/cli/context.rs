@@ -1,14 +1,14 @@
-//! What every command is given, and what it returns.
+//! The arguments and the result that all commands share.
 
 use super::progress::Progress;
 
-/// What every command is given.
+/// The arguments that all commands share.
 pub struct Context {
     /// Progress on stderr, and the interrupt flag.
     pub progress: Progress,
 }
 
-/// What a command prints: `json` for machines, `text` for people.
+/// What a command prints: `json` with `--json`, else `text`.
 pub struct Outcome {
     pub json: serde_json::Value,
     pub text: String,

@@ -46,7 +46,7 @@ pub struct Args {
     /// How views are made: bicubic, barycentric, cubic, multiview or learned
     #[arg(short, long, default_value = "cubic", value_name = "METHOD")]
     method: MethodName,
-    /// What learned reconstruction starts from: barycentric, cubic or multiview
+    /// Interpolation that learned reconstruction starts from: barycentric, cubic or multiview
     #[arg(long, value_name = "METHOD")]
     base: Option<Interpolation>,
     /// Views a row and a column (odd, up to 15)
@@ -58,10 +58,10 @@ pub struct Args {
     /// Size of the views: pixels of the longer side, WIDTHxHEIGHT, or native (one pixel a lenslet)
     #[arg(long, default_value = "1080", value_name = "SIZE")]
     size: SizeChoice,
-    /// Camera profile, where the files do not name their camera
+    /// Camera profile (a name or a TOML file), where the files do not name their camera
     #[arg(long, value_name = "NAME")]
     profile: Option<String>,
-    /// White balance: camera (what the file says), auto (guessed from the capture), or gains R,G,B
+    /// White balance: camera (that of the file), auto (estimated from the capture), or gains R,G,B
     #[arg(long, default_value = "camera", value_name = "HOW", value_parser = parse_white_balance)]
     white_balance: WhiteBalance,
     /// How colours are filled in: lenslet (each micro-image by itself), malvar or bilinear
@@ -70,11 +70,11 @@ pub struct Args {
     /// Brighten (or darken, below 0) by this many stops
     #[arg(long, value_name = "EV", allow_negative_numbers = true, value_parser = parse_exposure)]
     exposure: Option<f32>,
-    /// Smooth the colours of noisy captures, not their light (done unasked for mosaics saved as JPEG)
+    /// Smooth the colours of noisy captures and keep their luminance (the default for mosaics saved as JPEG)
     #[arg(long)]
     calm_colours: bool,
-    /// Leave out a step: black-level, hot-pixels, vignetting, white-balance, highlights, calm-colours, colour-matrix, exposure-bias,
-    /// gamut, or recentre (of the views)
+    /// Leave out a step: black-level, hot-pixels, vignetting, white-balance, highlights, calm-colours, colour-matrix,
+    /// exposure-bias, gamut, or recentre (of the views)
     #[arg(long, value_name = "STEP", value_parser = parse_without)]
     without: Vec<Without>,
     /// Do not keep the measured samples (samples.npz)
@@ -375,7 +375,7 @@ fn keep_samples(
         return Ok(job.out.join(SAMPLES_FILE).display().to_string());
     }
     let path = job.out.with_extension(SAMPLES_FILE);
-    // Samples without their light field are what a killed run left of its output.
+    // Samples without their light field are the remains of a killed run.
     let left = std::fs::symlink_metadata(&job.out).is_err();
     samples.save(&path, args.written.force || left)?;
     Ok(path.display().to_string())

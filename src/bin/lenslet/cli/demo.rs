@@ -1,4 +1,5 @@
-//! `lenslet demo`: simulates a capture, calibrates, decodes, runs every method, scores them against the simulated truth.
+//! `lenslet demo`: simulates a capture, calibrates, decodes, runs every method, scores them against the simulated
+//! truth.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -123,7 +124,7 @@ fn calibrate(
     Ok(Calibrated { truth: simulation.centres.len(), rms, seconds: began.elapsed().as_secs_f64(), found })
 }
 
-/// What the report says of each interpolation.
+/// The report's description of each interpolation.
 const INTERPOLATIONS: [(Interpolation, &str); 4] = [
     (Interpolation::Bicubic, "low-resolution grid, then bicubic (paper 4.1)"),
     (Interpolation::Barycentric, "on the triangulated lenslets (paper 4.2)"),
@@ -131,7 +132,7 @@ const INTERPOLATIONS: [(Interpolation, &str); 4] = [
     (Interpolation::Multiview, "samples of all views at their true places (paper 4.3)"),
 ];
 
-/// What the report says of learned reconstruction on each interpolation.
+/// The report's description of learned reconstruction on each interpolation.
 const LEARNED: [(&str, Interpolation, &str); 2] = [
     ("learned", Interpolation::Barycentric, "dictionary reconstruction of the barycentric views (paper 4.4)"),
     (

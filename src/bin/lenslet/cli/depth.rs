@@ -1,4 +1,4 @@
-//! `lenslet depth`: how far things are, as disparity.
+//! `lenslet depth`: the disparity of a light field's middle view.
 
 use std::path::{Path, PathBuf};
 
@@ -31,13 +31,14 @@ pub struct Args {
     /// Disparities to look for (default: found from the light field)
     #[arg(long, value_name = "FROM:TO", allow_hyphen_values = true)]
     range: Option<String>,
-    /// Fill patches up to this share of the picture's longer side whose disparity differs from all around; 0: leave them
+    /// Fill patches up to this share of the picture's longer side whose disparity differs from all around; 0: leave
+    /// them
     #[arg(long, default_value_t = disparity::Options::shown().specks, value_name = "0..1")]
     specks: f32,
     /// Compare with this true disparity (.pfm or .npy of the view's size)
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
-    /// Multiply the truth by this first
+    /// Factor by which the truth is multiplied first
     #[arg(long, default_value_t = 1.0, value_name = "FACTOR", allow_hyphen_values = true)]
     truth_scale: f32,
     /// Leave out this many pixels on each side when comparing

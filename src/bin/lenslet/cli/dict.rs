@@ -1,4 +1,4 @@
-//! `lenslet dict`
+//! `lenslet dict`: dictionaries shown and exported.
 
 use std::path::{Path, PathBuf};
 
@@ -17,7 +17,7 @@ pub struct Args {
 
 #[derive(Debug, clap::Subcommand)]
 enum Action {
-    /// Say what a dictionary holds and how it was made
+    /// Show what a dictionary holds and how it was made
     #[command(visible_alias = "info", after_help = "Example: lenslet dict show default")]
     Show {
         /// Dictionary file, or a name (default: the embedded one)
@@ -110,7 +110,7 @@ pub fn describe(dictionary: &Dictionary) -> (Value, String) {
             parts.patch,
             parts.lambda
         ));
-        // A list of one, and `with_linear` false: chains of passes and codes on top of a regressor are no more.
+        // Kept for readers of earlier versions: a list of one pass, and `with_linear`, always false.
         let pass = json!({
             "atoms": parts.low.nrows(), "features": parts.low.ncols(), "support": parts.support, "patch": parts.patch,
             "lambda": parts.lambda, "floor": parts.floor, "with_linear": false, "anchors": anchors,

@@ -1,4 +1,4 @@
-//! `lenslet gen-pairs`
+//! `lenslet gen-pairs`: training pairs out of photos.
 
 use std::path::PathBuf;
 
@@ -46,7 +46,7 @@ pub struct Args {
     /// Side of a crop, pixels
     #[arg(long, default_value_t = 256, value_name = "N")]
     crop: usize,
-    /// Photos are shrunk by this first
+    /// Factor by which photos are shrunk first (1 to 1000)
     #[arg(long, default_value_t = 1.5, value_name = "F")]
     shrink: f64,
     /// What a sample sees

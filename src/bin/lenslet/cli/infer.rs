@@ -1,4 +1,4 @@
-//! `lenslet infer`
+//! `lenslet infer`: learned reconstruction of a light field.
 
 use std::path::PathBuf;
 
@@ -30,7 +30,8 @@ pub struct Args {
     source: SourceArgs,
     #[command(flatten)]
     written: Written,
-    /// Enlarge the views by this first
+    /// Factor by which the views are enlarged first, 1 to 16 [default: 1, or the dictionary's own for a light field of
+    /// another tool]
     #[arg(long, value_name = "N")]
     scale: Option<f64>,
     /// Do not use the measured samples (samples.npz) beside the light field
@@ -75,7 +76,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let pitch = scale * meta.pitch.unwrap_or(1.0);
     if (pitch / model.pitch - 1.0).abs() > 0.15 {
         context.progress.note(&format!(
-            "samples lie {pitch:.2} pixels apart, the dictionary learned {:.2}: expect less; choose --scale {:.2}",
+            "samples lie {pitch:.2} pixels apart, the dictionary was trained for {:.2}: expect lower quality; choose --scale {:.2}",
             model.pitch,
             scale * model.pitch / pitch
         ));

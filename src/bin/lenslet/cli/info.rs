@@ -18,7 +18,7 @@ use serde_json::{Map, Value, json};
 
 use super::{Context, Outcome};
 
-/// Say what a capture, container, calibration, light field, dictionary or camera profile is
+/// Describe a capture, container, calibration, light field, dictionary or camera profile
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: lenslet info IMG_0001.lfp")]
 pub struct Args {
@@ -285,7 +285,7 @@ fn metadata_facts(path: &Path) -> anyhow::Result<Value> {
     Ok(json)
 }
 
-/// Text from files, safe for a terminal: control characters are shown, not obeyed.
+/// Text from files, safe for a terminal: control characters are escaped.
 pub fn clean(text: &str) -> String {
     text.chars().flat_map(|c| if c.is_control() { c.escape_default().collect::<Vec<_>>() } else { vec![c] }).collect()
 }

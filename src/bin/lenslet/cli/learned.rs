@@ -12,7 +12,8 @@ use super::values::{FootprintName, PredictorName};
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Learned reconstruction")]
 pub struct LearnedArgs {
-    /// Dictionary: a file, or a name [default: the embedded one for views of this kind: default, or multiview for refined ones]
+    /// Dictionary: a file, or a name [default: the embedded one for views of this kind: default, or multiview for
+    /// refined ones]
     #[arg(long, value_name = "NAME|FILE")]
     pub dictionary: Option<PathBuf>,
     /// Anchored regressors (the network for refined views), patches further apart: faster
@@ -21,11 +22,12 @@ pub struct LearnedArgs {
     /// LASSO codes and network together, averaged over four mirrored copies of each view: slower
     #[arg(long, conflicts_with = "fast")]
     best: bool,
-    /// How residuals are predicted, instead of by LASSO codes for interpolated views and by the network for refined ones
+    /// How residuals are predicted, instead of by LASSO codes for interpolated views and by the network for refined
+    /// ones
     #[arg(long, conflicts_with_all = ["fast", "best"], value_enum, value_name = "HOW")]
     path: Option<PredictorName>,
-    /// What a sample is: a point of the view, or the mean over the lenslet, which is then sharpened as well (and the noise
-    /// with it) [default: point]
+    /// What a sample is: a point of the view, or the mean over the lenslet, which is then sharpened as well (and the
+    /// noise with it) [default: point]
     #[arg(long, value_enum, value_name = "WHAT")]
     footprint: Option<FootprintName>,
     /// Pixels between patches

@@ -123,7 +123,7 @@ pub fn main() -> ExitCode {
             use std::io::Write;
             let text = if cli.json { outcome.json.to_string() } else { outcome.text };
             let mut out = std::io::stdout().lock();
-            // A closed pipe is the reader's choice, not our failure.
+            // A closed pipe is not an error.
             let _ = if text.is_empty() { Ok(()) } else { writeln!(out, "{}", text.trim_end()) };
             ExitCode::SUCCESS
         }

@@ -1,4 +1,5 @@
-//! Progress on stderr: a bar on a terminal, nothing when quiet or piped; notes go above the bar. Ctrl-C is noticed here.
+//! Progress on stderr: a bar on a terminal, nothing when quiet or piped; notes go above the bar. Ctrl-C is noticed
+//! here.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -1,4 +1,4 @@
-//! `lenslet refine`
+//! `lenslet refine`: multi-view refinement of a light field.
 
 use std::time::Instant;
 
@@ -15,7 +15,7 @@ use super::source::SourceArgs;
 use super::written::Written;
 use super::{Context, Outcome, Usage};
 
-/// Refine every view of a light field by what the other views saw
+/// Refine every view of a light field with the samples of all the other views
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Example: lenslet refine barycentric.lf --out multiview.lf
@@ -28,7 +28,7 @@ pub struct Args {
     source: SourceArgs,
     #[command(flatten)]
     written: Written,
-    /// Enlarge the views by this (default: 1 where there are measured samples, else 2)
+    /// Factor by which the views are enlarged, 1 to 8 (default: 1 where there are measured samples, else 2)
     #[arg(long, value_name = "N")]
     scale: Option<f64>,
     /// Do not use the measured samples (samples.npz) beside the light field

@@ -114,7 +114,7 @@ pub fn ending(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
 }
 
-/// Writes pictures as one PNG, an animation (GIF, APNG), or a directory of numbered PNGs, as the name says.
+/// Writes pictures as one PNG, an animation (GIF, APNG), or a directory of numbered PNGs, by the ending of the name.
 pub fn write_pictures(out: &Path, force: bool, pictures: &[Picture], delay: u16, name: &str) -> anyhow::Result<()> {
     match ending(out).as_str() {
         "gif" => output::write_file(out, force, &image_io::gif(pictures, delay)?)?,

@@ -23,7 +23,7 @@ the mean. SSIM is that of scikit-image with gaussian_weights=True, sigma=1.5, us
 pub struct Args {
     /// The light field or picture to score
     result: PathBuf,
-    /// What it should be
+    /// The reference: a light field or picture of the same views and size
     reference: PathBuf,
     /// Leave out this many pixels on each side
     #[arg(long, default_value_t = 0, value_name = "PIXELS")]
@@ -85,7 +85,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     Ok(outcome(&views, if both_linear { "linear" } else { "srgb" }, alignment.as_ref(), args))
 }
 
-/// Says what makes two light fields impossible to compare.
+/// Refuses two light fields that cannot be compared, with the reason.
 fn comparable(result: &dyn ViewSource, reference: &dyn ViewSource, args: &Args) -> anyhow::Result<()> {
     let (a, b) = (result.meta(), reference.meta());
     let tell = |path: &Path, m: &lightfield::Meta| {

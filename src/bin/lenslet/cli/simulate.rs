@@ -54,7 +54,8 @@ pub struct Args {
     /// Sensor pixels between neighbouring views
     #[arg(long, default_value_t = 1.0, value_name = "PIXELS")]
     view_step: f64,
-    /// Largest disparity of the scene in lenslet pitches per sensor pixel [default: 0.3; chart 0.15; colour, flat, one photo 0]
+    /// Largest disparity of the scene in lenslet pitches per sensor pixel [default: 0.3; chart 0.15; colour, flat, one
+    /// photo 0]
     #[arg(long, value_name = "D", allow_negative_numbers = true)]
     disparity: Option<f64>,
     /// Lenslet pitch in sensor pixels [default: the camera's]

@@ -1,4 +1,4 @@
-//! `lenslet train-dict`
+//! `lenslet train-dict`: dictionaries learned from photos.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -66,7 +66,7 @@ pub struct Args {
     /// Anchored regressors of the fast path (0: none)
     #[arg(long, value_name = "N")]
     anchors: Option<usize>,
-    /// Photos are shrunk by this first
+    /// Factor by which photos are shrunk first (1 to 16)
     #[arg(long, value_name = "F")]
     shrink: Option<f64>,
     /// Standard deviation of noise on the samples, of the range 0..1
@@ -75,11 +75,12 @@ pub struct Args {
     /// Footprints of the samples, one model each
     #[arg(long, value_delimiter = ',', value_enum)]
     footprint: Vec<FootprintName>,
-    /// Rectangular grids enlarged bicubically by this, instead of hexagonal samples: for views of other tools
+    /// Rectangular grids enlarged bicubically by this factor (1.5 to 8), instead of hexagonal samples: for views of
+    /// other tools
     #[arg(long, value_name = "SCALE", conflicts_with_all = ["footprint", "calibration"])]
     grid: Option<f64>,
-    /// What the views are that the dictionary will sharpen: barycentric, or multiview, for which the photos are put before a
-    /// simulated camera, decoded and refined
+    /// Views that the dictionary is for: barycentric, or multiview, for which the photos are captured by a simulated
+    /// camera, decoded and refined
     #[arg(long, value_enum, conflicts_with = "grid")]
     base: Option<TrainingBase>,
     /// Lattice (pitch, rotation) as this calibration's, for views 1080 pixels wide
@@ -180,8 +181,8 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if args.resume && !checkpoint.exists() {
         anyhow::bail!("{} does not exist: nothing to resume; start without --resume", checkpoint.display());
     }
-    // Before minutes of training. A dictionary beside a checkpoint is of a run that was stopped between writing the one and
-    // removing the other.
+    // Before minutes of training. A dictionary beside a checkpoint is of a run that was stopped between writing the one
+    // and removing the other.
     let replace = args.force || args.resume;
     refuse_existing(&args.out, replace)?;
     // Opened with the first epoch: training that cannot begin leaves nothing behind.

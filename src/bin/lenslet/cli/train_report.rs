@@ -1,4 +1,4 @@
-//! What `train-dict` shows of a finished run: convergence as SVG, atoms as PNG.
+//! The pictures of a finished training run: convergence as SVG, atoms as PNG.
 
 use std::fmt::Write as _;
 
@@ -15,7 +15,7 @@ const ACROSS: usize = 32;
 /// Source: chosen.
 const ZOOM: usize = 2;
 
-/// Style of a plot in a file of its own; on pages it comes from the page.
+/// Style of a plot that is a separate file; on pages the page has it.
 const STYLE: &str = "<style>svg{background:#fff}text{font:13px sans-serif;fill:#1c1e22}.axis{stroke:#5b6068;fill:none}\
 .grid-line{stroke:#dcdad4;fill:none}.curve{stroke:currentColor;stroke-width:2;fill:none}.dot{fill:currentColor}\
 .s0{color:#0b7f88}.s1{color:#c2571a}.s2{color:#5a55b8}.s3{color:#2f8a3d}.s4{color:#b0397a}.s5{color:#8a7420}</style>";
@@ -62,7 +62,7 @@ pub fn convergence(trace: &[Epoch]) -> String {
     format!("<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 760 {top}\">{STYLE}{body}</svg>\n")
 }
 
-/// The atoms of all models: on the left what an atom of Dl looks for in the low image (its features taken back to pixels),
+/// The atoms of all models: on the left an atom of Dl as a window of the low image (its features taken back to pixels),
 /// on the right the residual patch of Dh that it adds; each atom stretched to its own range, zero is grey.
 ///
 /// # Errors

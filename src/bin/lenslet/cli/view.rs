@@ -38,7 +38,7 @@ pub struct Args {
     /// JPEG quality of the views; lowered where the page would get too large
     #[arg(long, default_value_t = 88, value_name = "1..100", value_parser = clap::value_parser!(u8).range(1..=100))]
     quality: u8,
-    /// The page may be this many megabytes
+    /// Largest size of the page, megabytes (up to 1000)
     #[arg(long, default_value_t = 20.0, value_name = "MB")]
     max_mb: f64,
     /// Views (N or ROWSxCOLUMNS) of files that do not hold their number

@@ -13,7 +13,7 @@ use super::refocus::{ending, load, write_pictures};
 use super::values::parse_views;
 use super::{Context, Outcome, Usage};
 
-/// Move the viewpoint: an animation from all around or side to side
+/// Move the viewpoint: an animation along a circle or a line
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Example: lenslet viewpoint decoded/ --path circle --out wiggle.gif

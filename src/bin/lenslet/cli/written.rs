@@ -13,8 +13,8 @@ pub struct Written {
     /// The light field to write (a folder of light fields where there are several)
     #[arg(short, long, value_name = "LF")]
     pub out: PathBuf,
-    /// Format to write: dir (a folder of 16-bit PNGs), npy (float32; v,u,t,s,c), mat (MATLAB level 5, variable LF, single)
-    /// or eslf (one lenslet picture, 16-bit PNG) [default: by the ending of --out: .npy, .mat, .png, else dir]
+    /// Format to write: dir (a folder of 16-bit PNGs), npy (float32; v,u,t,s,c), mat (MATLAB level 5, variable LF,
+    /// single) or eslf (one lenslet picture, 16-bit PNG) [default: by the ending of --out: .npy, .mat, .png, else dir]
     #[arg(long, group = "written_format", value_name = "FORMAT", value_enum, hide_possible_values = true)]
     format: Option<FormatName>,
     /// Short for --format npy

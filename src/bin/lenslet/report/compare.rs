@@ -15,7 +15,8 @@ pub struct Stage {
     pub picture: EmbeddedPicture,
 }
 
-/// The comparison as HTML. Without a script, and on paper, it is a grid of all pictures; the script makes the slider of it.
+/// The comparison as HTML. Without a script, and on paper, it is a grid of all pictures; the script makes the slider of
+/// it.
 pub fn comparison(label: &str, stages: &[Stage], start: [f64; 2]) -> String {
     let mut html = format!(
         "<section class=\"compare\" aria-label=\"{}\" data-x=\"{:.3}\" data-y=\"{:.3}\">\n<h3>{0}</h3>\n<div class=\"grid stages\">\n",

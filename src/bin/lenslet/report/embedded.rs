@@ -119,8 +119,8 @@ pub fn difference_map(result: &Array3<f32>, reference: &Array3<f32>, gain: f32) 
     out
 }
 
-/// Where a view (t, s, c) shows most detail: the middle, as shares of width and height, of the square of `side` pixels in which
-/// neighbours differ most, of squares half a side apart. The middle of a view too small to choose.
+/// Where a view (t, s, c) shows most detail: the middle, as shares of width and height, of the square of `side` pixels
+/// in which neighbours differ most, of squares half a side apart. The middle of a view too small to choose.
 pub fn most_detailed_place(view: &Array3<f32>, side: usize) -> [f64; 2] {
     let (height, width, channels) = view.dim();
     let side = side.max(2);
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn difference_tells_brighter_from_darker_and_is_white_where_equal() {
+    fn difference_is_red_where_brighter_blue_where_darker_white_where_equal() {
         let a = Array3::from_elem((2, 2, 3), 0.5);
         let mut b = a.clone();
         b.slice_mut(s![0, 0, ..]).fill(0.6);

@@ -1,5 +1,5 @@
 //! One self-contained HTML page: headings, tables, plots, pictures, comparisons. Nothing is loaded from outside, every
-//! text is escaped, light and dark follow the reader's system, and without scripts or on paper everything is still there.
+//! text is escaped, light and dark follow the system, and without scripts or on paper all of it is still shown.
 
 pub mod calibration_figures;
 mod compare;
@@ -127,8 +127,8 @@ impl Page {
         self.body.push_str("</div>\n");
     }
 
-    /// A slider between any two stages of the same picture, with the same crop of all of them below; the crop starts about
-    /// `start`, shares of the width and height.
+    /// A slider between any two stages of the same picture, with the same crop of all of them below; the crop starts
+    /// about `start`, shares of the width and height.
     pub fn compare(&mut self, label: &str, stages: &[Stage], start: [f64; 2]) {
         self.body.push_str(&comparison(label, stages, start));
     }

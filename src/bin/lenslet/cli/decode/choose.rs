@@ -130,7 +130,8 @@ impl CalibrationStore {
         }
     }
 
-    /// Finds the capture's white image, notes what else was there, and calibrates from it; the last calibration is reused.
+    /// Finds the capture's white image, notes what else was there, and calibrates from it; the last calibration is
+    /// reused.
     fn by_whites(
         &mut self,
         place: &Path,

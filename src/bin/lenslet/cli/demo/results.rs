@@ -1,4 +1,4 @@
-//! What the demo makes: views of every method with their scores, and the calibration beside its truth.
+//! The demo's results: views of every method with their scores, and the calibration with its truth.
 
 use std::time::Instant;
 
