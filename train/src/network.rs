@@ -42,7 +42,9 @@ pub fn learn_network(
 ) -> Result<Network, Error> {
     let p = parameters;
     if crops.iter().any(|c| c.side_inputs.len() < p.side_inputs.len()) {
-        return Err(Error::Parameter("network: these crops have no side inputs, which only simulated captures have".into()));
+        return Err(Error::Parameter(
+            "network: these crops have no side inputs, which only simulated captures have".into(),
+        ));
     }
     let support = p.window + 4;
     let mut filters = vec![pairs::learn_filters(crops, p.window, p.features[0])?.0];

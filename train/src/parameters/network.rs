@@ -62,7 +62,11 @@ impl NetworkParameters {
             return wrong(format!("window {} or patch {} is out of range", self.window, self.patch));
         }
         if self.features.len() != self.side_inputs.len() + 1 {
-            return wrong(format!("{:?} features are not one number for each of {} images", self.features, self.side_inputs.len() + 1));
+            return wrong(format!(
+                "{:?} features are not one number for each of {} images",
+                self.features,
+                self.side_inputs.len() + 1
+            ));
         }
         if self.features.iter().any(|f| !(2..(self.window + 4).pow(2)).contains(f)) {
             return wrong(format!("features {:?} are out of range", self.features));
