@@ -1,7 +1,7 @@
 //! The sRGB transfer curve and the luminance of colours.
 //!
-//! The curve (IEC 61966-2-1) maps linear light 0..1 to encoded values 0..1 and back. Values below 0 are mirrored, values above
-//! 1 follow the curve, so both directions stay inverse to each other.
+//! The curve (IEC 61966-2-1) maps linear light 0..1 to encoded values 0..1 and back. Values below 0 are mirrored and
+//! values above 1 follow the curve, so the two directions are inverse to each other everywhere.
 
 use ndarray::{Array2, ArrayView3, Axis};
 

@@ -6,11 +6,11 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 /// How a view's pixels are interpolated from hexagonal samples (paper sections 4.1 to 4.3). Learned reconstruction
-/// (section 4.4) is not a fifth way but a step on top of any of these.
+/// (section 4.4) is not a fifth variant but a step after any of these.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Interpolation {
-    /// One value a pitch on a regular grid, then bicubic enlargement (section 4.1).
+    /// One value per pitch on a regular grid, then bicubic enlargement (section 4.1).
     Bicubic,
     /// Linear over the Delaunay triangles of the lenslet centres (section 4.2).
     Barycentric,
@@ -43,7 +43,7 @@ impl fmt::Display for Interpolation {
     }
 }
 
-/// A name that is no [`Interpolation`].
+/// A name that does not belong to any [`Interpolation`].
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("no interpolation \"{0}\": one of bicubic, barycentric, cubic, multiview")]
 pub struct UnknownInterpolation(pub String);

@@ -1,4 +1,4 @@
-//! The words everybody in lenslet shares, and the way from a capture file to views.
+//! Types and algorithms that all crates of lenslet share: from opening a capture file to scoring views.
 //!
 //! Data flows one way: [`container`] → [`calibration`] → [`decode`] → [`sampling`]; [`sparse`] and
 //! [`dictionary`] serve learned reconstruction, [`lightfield`] holds and stores the views, [`metrics`] scores them.

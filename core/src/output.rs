@@ -4,7 +4,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Part of every temporary name, by which what a killed run left behind is found.
+/// Part of every temporary name; what a killed run left behind is found by it.
 const MARK: &str = ".lenslet-tmp-";
 /// Ending of the temporary name of an output that is being replaced.
 const ASIDE: &str = ".old";
@@ -125,7 +125,7 @@ impl Pending {
             step_aside(&self.temporary, &self.target).map_err(io_at(&self.target))?;
         }
         self.done = true;
-        // Nothing, or what was replaced.
+        // The output that was replaced, if there was one.
         remove(&self.temporary).map_err(io_at(&self.temporary))
     }
 }
@@ -159,8 +159,8 @@ fn exchange_paths(_: &Path, _: &Path) -> io::Result<()> {
     Err(io::ErrorKind::Unsupported.into())
 }
 
-/// The same in two steps, where the file system cannot exchange. If a run is killed between them, [`sweep_leftovers`]
-/// puts the old output back.
+/// As [`exchange_paths`], in two steps, for file systems without it. If a run is killed between them,
+/// [`sweep_leftovers`] puts the old output back.
 fn step_aside(temporary: &Path, target: &Path) -> io::Result<()> {
     let aside = aside_of(temporary);
     fs::rename(target, &aside)?;
@@ -177,8 +177,8 @@ fn aside_of(temporary: &Path) -> PathBuf {
     aside.into()
 }
 
-/// Removes what runs that no longer exist left for the same target; an old output that was being replaced when its run
-/// was killed gets its name back.
+/// Removes what processes that have ended left beside the same target. An old output whose replacement was interrupted
+/// by a kill gets its name back.
 fn sweep_leftovers(parent: &Path, prefix: &std::ffi::OsStr, target: &Path) {
     let Ok(entries) = fs::read_dir(parent) else { return };
     for entry in entries.flatten() {
@@ -186,8 +186,8 @@ fn sweep_leftovers(parent: &Path, prefix: &std::ffi::OsStr, target: &Path) {
         let bytes = name.as_encoded_bytes();
         let Some(rest) = bytes.strip_prefix(prefix.as_encoded_bytes()) else { continue };
         let digits: String = rest.iter().map_while(|b| b.is_ascii_digit().then_some(*b as char)).collect();
-        // A file with this process's own number is of an earlier process with the same number, as after every start of
-        // a container.
+        // A file with this process's id is from an earlier process with the same id, as after every restart of a
+        // container.
         let dead = digits.parse().is_ok_and(|pid: u32| pid == std::process::id() || !is_alive(pid));
         if !dead {
             continue;

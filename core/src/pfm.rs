@@ -22,7 +22,7 @@ pub enum Error {
     /// The header and the data disagree.
     #[error("the PFM says {width}x{height} but holds {bytes} bytes")]
     Size {
-        /// Pixels a row.
+        /// Pixels per row.
         width: usize,
         /// Rows.
         height: usize,
@@ -56,7 +56,7 @@ pub fn to_bytes(plane: ArrayView2<f32>) -> Vec<u8> {
 /// Reads a one-channel PFM file in either byte order into a plane (t, s), row 0 on top.
 ///
 /// # Errors
-/// When the bytes are no such file, or hold another number of pixels than the header says.
+/// When the bytes are not such a file, or their number of pixels differs from the header's.
 pub fn from_bytes(bytes: &[u8]) -> Result<Array2<f32>, Error> {
     let mut words = Vec::new();
     let mut position = 0;

@@ -26,13 +26,13 @@ pub trait Observer: Sync {
     fn begin(&self, _stage: &str, _total: u64) {}
     /// `n` more steps of the current stage are done.
     fn advance(&self, _n: u64) {}
-    /// A line of news worth keeping (an epoch's scores, a warning).
+    /// A message to be kept (an epoch's scores, a warning), one line.
     fn note(&self, _text: &str) {}
     /// True once the work should end early.
     fn cancelled(&self) -> bool {
         false
     }
-    /// Ends work early once it was asked to: `observer.check()?`.
+    /// An error once the work should end early; call it as `observer.check()?`.
     ///
     /// # Errors
     /// [`Interrupted`] once [`Observer::cancelled`] is true.
@@ -41,7 +41,7 @@ pub trait Observer: Sync {
     }
 }
 
-/// The work stopped because it was asked to. Every error of a long computation has it as a transparent variant.
+/// The work was cancelled by its observer. The error type of every long computation has it as a transparent variant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("interrupted")]
 pub struct Interrupted;

@@ -1,4 +1,4 @@
-//! Random numbers whose streams never change: recipes and simulated captures of earlier versions must come out again.
+//! Random numbers whose streams never change: the recipes and simulated captures of earlier versions stay reproducible.
 //!
 //! Generators are arguments; reproducible data uses ChaCha8, whose output is the same on every machine.
 
@@ -15,13 +15,13 @@ use rand::{Rng, RngExt};
 /// ```
 #[inline]
 pub fn standard_normal_pair<R: Rng + ?Sized>(rng: &mut R) -> [f64; 2] {
-    // 1 − u lies above 0, whose logarithm is finite.
+    // 1 − u is above 0, so its logarithm is finite.
     let radius = (-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt();
     let (sin, cos) = (std::f64::consts::TAU * rng.random::<f64>()).sin_cos();
     [radius * cos, radius * sin]
 }
 
-/// One standard normal number: the first of [`standard_normal_pair`], whose second is not kept.
+/// One standard normal number: the first of [`standard_normal_pair`]; the second is discarded.
 ///
 /// ```
 /// use lenslet_core::random::{standard_normal, standard_normal_pair};
@@ -58,7 +58,7 @@ mod tests {
     use rand::SeedableRng;
     use rand::rngs::ChaCha8Rng;
 
-    /// The forms that stood in the simulator, the pairs, the trainer and the tests before there was one: bit for bit the same.
+    /// The same bits as the earlier code of the simulator, the pairs, the trainer and the tests.
     #[test]
     fn streams_are_those_of_the_earlier_forms() {
         let mut rngs: [ChaCha8Rng; 3] = std::array::from_fn(|_| ChaCha8Rng::seed_from_u64(42));

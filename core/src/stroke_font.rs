@@ -14,7 +14,8 @@ pub fn distance_to_segment(x: f64, y: f64, a: [f64; 2], b: [f64; 2]) -> f64 {
     (x - a[0] - along * dx).hypot(y - a[1] - along * dy)
 }
 
-/// Strokes of the letters: points of a 4×6 grid (column, row from the top) as pairs of digits, strokes divided by spaces.
+/// Strokes of the letters: points of a 4×6 grid (column, row from the top) as pairs of digits, strokes separated by
+/// spaces.
 const LETTERS: [(char, &str); 36] = [
     ('A', "062046 1434"),
     ('B', "00063645343300 0030413303"),
@@ -54,9 +55,9 @@ const LETTERS: [(char, &str); 36] = [
     ('9', "4313020110304145361605"),
 ];
 
-/// Whether (`x`, `y`) lies on a stroke of `words`, written from (0, 0) to the right: y points down, letters reach from 0 to
-/// `height`, one takes `height` of width with its gap, and `weight` is the width of a stroke in sixths of the height.
-/// Small letters are drawn as capitals; anything but A to Z and 0 to 9 is a gap.
+/// Whether (`x`, `y`) lies on a stroke of `words`, written from (0, 0) to the right; y points down. Letters reach from
+/// 0 to `height`; each takes `height` of width, its gap included. `weight` is the width of a stroke in sixths of the
+/// height. Lower-case letters are drawn as capitals; anything but A to Z and 0 to 9 is a gap.
 ///
 /// ```
 /// use lenslet_core::stroke_font::is_on_text;

@@ -66,7 +66,7 @@ impl<'a> Calibrator<'a> {
         self
     }
 
-    /// Receives progress and notes, and can end the work early.
+    /// Receives progress and notes, and can end the work early. Default: [`Silent`](crate::progress::Silent).
     pub fn observer<'b>(self, observer: &'b dyn Observer) -> Calibrator<'b> {
         Calibrator { options: self.options, profile: self.profile, observer }
     }
@@ -198,7 +198,7 @@ pub fn open_captures<P: AsRef<Path>>(
     Ok((names, captures))
 }
 
-/// Opens a capture; one larger than the sensor of the camera it is said to be of is refused.
+/// Opens a capture; refuses one larger than the sensor of the camera that it states.
 fn open_checked(path: &Path, profile: Option<&str>) -> Result<Capture, Error> {
     let capture = open_capture(path, profile)?;
     if let Some(name) = profile {

@@ -1,4 +1,4 @@
-//! What is refused before any calibration: images too small, damaged, or of different cameras.
+//! Checks before any calibration: images that are too small, damaged, or of different cameras are refused.
 
 use std::borrow::Borrow;
 
@@ -12,7 +12,7 @@ const SMALLEST: usize = 64;
 /// Refuses captures that cannot be calibrated together: of one camera and size, large enough, white level above black.
 ///
 /// # Errors
-/// The first capture that cannot.
+/// The error of the first capture that cannot be calibrated.
 pub fn check_same_camera<C: Borrow<Capture>>(captures: &[C]) -> Result<(), Error> {
     let first = captures.first().ok_or(Error::NoImages)?.borrow();
     for (n, capture) in captures.iter().enumerate() {

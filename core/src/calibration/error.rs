@@ -1,6 +1,6 @@
-//! What goes wrong in calibration, sorted by its cause: images, cameras, parameters, files.
+//! Errors of calibration, by cause: images, cameras, parameters, files.
 
-/// What goes wrong when a camera is calibrated, or a calibration is read or written.
+/// Errors of calibrating a camera, and of reading or writing a calibration.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -75,13 +75,13 @@ pub enum Error {
     /// A parameter out of range.
     #[error("{0}")]
     Parameter(String),
-    /// The observer asked to stop.
+    /// The observer cancelled the work.
     #[error(transparent)]
     Interrupted(#[from] crate::progress::Interrupted),
     /// A capture that calibration begins from cannot be opened; the message names the file.
     #[error(transparent)]
     Capture(#[from] crate::container::Error),
-    /// What went wrong, and the file it concerns.
+    /// An error together with the file it concerns.
     #[error("{}: {error}", path.display())]
     InFile {
         /// The capture concerned.

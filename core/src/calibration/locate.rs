@@ -29,7 +29,8 @@ const CLIP: f64 = 6.0;
 /// Lower bound of the clipping threshold for pixels, as a share of the lenslet's light.
 /// Source: chosen
 const LEAST_CLIP: f64 = 0.1;
-/// Largest distance from prediction to measurement at which the next round starts from the measurement, in window radii.
+/// Largest distance from prediction to measurement at which the next round starts from the measurement, in window
+/// radii.
 /// Source: chosen
 const NEAR: f64 = 0.2;
 /// Largest misfit at which the next round starts from the measurement, relative to the typical one.
@@ -61,11 +62,11 @@ pub struct LocatedLenslets {
     pub prominence: f64,
 }
 
-/// Finds the lattice and every lenslet of an equalised image. `prior_lattice` is what metadata say of the lattice. The
+/// Finds the lattice and every lenslet of an equalised image. `prior_lattice` is the lattice in the metadata. The
 /// `hot` pixels (`y·width + x`, ascending) are not measured; they are marked as saturated in `image`.
 ///
 /// # Errors
-/// [`Error::NoPattern`], and [`Error::Interrupted`] when the observer asks to stop.
+/// [`Error::NoPattern`], and [`Error::Interrupted`] when the observer cancels the work.
 pub fn locate_lenslets(
     image: &mut SensorImage,
     prior_lattice: Option<&MlaHint>,

@@ -1,4 +1,4 @@
-//! The calibration model: lattice, lenslet centres, vignetting, quality. What every later step reads.
+//! The calibration model, input of every later step: lattice, lenslet centres, vignetting, quality.
 
 use serde::{Deserialize, Serialize};
 
@@ -35,10 +35,10 @@ pub struct Vignetting {
 pub struct CalibrationQuality {
     /// RMS distance of measured centres from the lattice, pixels.
     pub residual_rms: f64,
-    /// Scatter of the lenslets themselves about the lattice (measurement noise subtracted), an axis, pixels.
+    /// Scatter of the lenslets themselves about the lattice (measurement noise subtracted), per axis, pixels.
     #[serde(default)]
     pub scatter: f64,
-    /// Typical standard deviation of one measured centre, an axis, pixels.
+    /// Typical standard deviation of one measured centre, per axis, pixels.
     #[serde(default)]
     pub noise: f64,
     /// Share of lenslets whose measurement was rejected.

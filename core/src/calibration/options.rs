@@ -1,7 +1,7 @@
 //! Options of a calibration. Variants of the centres are for comparison (paper section 5: results without calibration,
 //! without sub-pixel precision).
 
-/// How centres are found.
+/// How centres are found. Default: [`CalibrationVariant::Full`].
 ///
 /// ```
 /// use lenslet_core::calibration::CalibrationVariant;
@@ -58,7 +58,7 @@ impl std::str::FromStr for CalibrationVariant {
     fn from_str(text: &str) -> Result<Self, String> {
         CalibrationVariant::ALL.into_iter().find(|v| v.name() == text).ok_or_else(|| {
             let names: Vec<&str> = CalibrationVariant::ALL.iter().map(|v| v.name()).collect();
-            format!("`{text}` is no variant; there are {}", names.join(", "))
+            format!("`{text}` is not a variant; expected one of {}", names.join(", "))
         })
     }
 }

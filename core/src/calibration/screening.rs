@@ -10,11 +10,11 @@ use crate::progress::Observer;
 /// An image that passed the screening, and its index in the list given, from 0.
 pub type Screened<'a> = (usize, &'a Capture);
 
-/// The images that are undamaged, lit, and of the same camera as more than half of them; the observer is told by a note
-/// which were left out and why.
+/// The images that are undamaged, lit, and of the same camera as more than half of them. A note to the observer says of
+/// each of the others why it was left out.
 ///
 /// # Errors
-/// Where none is left, what is wrong with the first bad one; where no camera has more than half of the images,
+/// Where none is left, the error of the first bad one; where no camera has more than half of the images,
 /// [`Error::CamerasDiffer`] or [`Error::SizesDiffer`] of the first that differs.
 pub fn screen_captures<'a>(
     captures: &'a [Capture],

@@ -1,10 +1,10 @@
-//! One grey value a pixel, and the saturation limits: what the steps of Algorithm 1 pass on.
+//! One grey value per pixel, and the saturation limits: the image that the steps of Algorithm 1 work on.
 
 /// A grey image of the sensor. Light is linear unless a step says otherwise; 1 is full scale, or the mean once
 /// equalised.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SensorImage {
-    /// Pixels a row.
+    /// Pixels per row.
     pub width: usize,
     /// Rows.
     pub height: usize,

@@ -1,4 +1,4 @@
-//! Pixels and facts put together: metadata first, then the camera's profile for what it does not say.
+//! A capture from pixels and facts: from the metadata and, where these lack one, from the camera's profile.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use super::metadata::FrameFacts;
 use super::packing::unpack;
 use super::profile::CameraProfile;
 
-/// A capture of these pixels and facts; `profile` fills what the facts leave open, each guess beyond it is a warning.
+/// A capture of these pixels and facts. Missing facts are taken from `profile`; each guess beyond it adds a warning.
 pub(super) fn assemble_capture(
     pixels: RawMosaic,
     frame: FrameFacts,

@@ -3,10 +3,10 @@
 use super::cfa::Cfa;
 use super::facts::{CameraFacts, ColourFacts, Levels, MlaHint};
 
-/// A raw sensor image: one value a pixel, row 0 on top, digital numbers as stored.
+/// A raw sensor image: one value per pixel, row 0 on top, digital numbers as stored.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RawMosaic {
-    /// Pixels a row.
+    /// Pixels per row.
     pub width: usize,
     /// Rows.
     pub height: usize,
@@ -31,12 +31,12 @@ pub struct Capture {
     pub mla: Option<MlaHint>,
     /// sha256 (hex) of the file the mosaic came from.
     pub source_sha256: String,
-    /// Whether the mosaic was kept as a JPEG picture. Such a one has lost some of its colour: the filter array is the finest
-    /// detail there is, and JPEG drops that first.
+    /// Whether the mosaic was stored as a JPEG picture. Its colours are damaged then: the filter array is the finest
+    /// detail of a mosaic, and JPEG discards the finest detail first.
     pub jpeg: bool,
-    /// White image carried by the same file (Illum .lfr), if any.
+    /// White image in the same file (Illum .lfr), if any.
     pub white: Option<Box<Capture>>,
-    /// What was odd but did not stop the reading (a sha1 that does not match, missing metadata …), one line each.
+    /// Anomalies that did not prevent reading (a sha1 that does not match, missing metadata …), one line each.
     pub warnings: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! What goes wrong with capture files, by whose fault it is.
+//! Errors of capture files, by cause.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -53,7 +53,7 @@ pub enum Error {
         /// What to do, or nothing.
         advice: String,
     },
-    /// The file asks for more than the limits allow.
+    /// A size in the file is above the limit.
     #[error("{}: {what} is {value}, more than the {limit} allowed", path.display())]
     Limit {
         /// Which file.
@@ -65,10 +65,10 @@ pub enum Error {
         /// The limit.
         limit: u64,
     },
-    /// The caller asked for something impossible.
+    /// A request that cannot be met, such as an unknown camera profile.
     #[error("{0}")]
     Parameter(String),
-    /// The caller asked to stop.
+    /// The observer cancelled the work.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
     /// A result could not be put in place.

@@ -1,4 +1,4 @@
-//! What a capture file says besides its pixels, and which of it can be true.
+//! The facts in a capture file besides its pixels, and the checks of their ranges.
 
 use std::f64::consts::PI;
 
@@ -58,7 +58,7 @@ impl ColourFacts {
         ColourFacts { white_balance: [1.0; 4], ccm: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], gamma: None }
     }
 
-    /// Whether each of the three facts can be true.
+    /// Whether each of the three facts is within its range.
     pub fn is_valid(&self) -> bool {
         gains_valid(&self.white_balance) && ccm_valid(&self.ccm) && self.gamma.is_none_or(gamma_valid)
     }

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::error::Error;
 
-/// Opens a regular file (never a pipe or device, whose reading may not end) and says how long it is.
+/// Opens a regular file (never a pipe or device, which may have no end); returns it and its length in bytes.
 pub(super) fn open(path: &Path) -> Result<(File, u64), Error> {
     let meta = std::fs::metadata(path).map_err(Error::io(path))?;
     if meta.is_dir() {

@@ -3,7 +3,7 @@
 use serde::Deserialize;
 use serde_json::Value;
 
-/// Longest JSON text parsed. The worst text (`[0,0,…]`) takes some 40 times its length in memory, so this bounds it to
+/// Longest JSON text parsed. The worst text (`[0,0,…]`) takes about 40 times its length in memory, so this bounds it to
 /// about 330 MiB.
 pub const MAX_TEXT: usize = 8 << 20;
 

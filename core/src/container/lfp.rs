@@ -1,4 +1,4 @@
-//! A capture out of a container: the frame its table of contents names, with metadata and own white image.
+//! A capture from a container: the first frame in its table of contents, with its metadata and white image.
 
 use serde_json::Value;
 
@@ -15,13 +15,13 @@ use crate::digest::sha256_hex;
 /// The first frame of a container, its pixels not yet read.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LocatedFrame {
-    /// What is known of it.
+    /// Its metadata.
     pub facts: FrameFacts,
     /// The segment with its pixels, if the file holds it.
     pub image: Option<Segment>,
     /// The parts that the contents name and the file does not hold.
     pub missing: Vec<Reference>,
-    /// Oddities that did not stop the reading.
+    /// Anomalies that did not prevent reading, one line each.
     pub warnings: Vec<String>,
     /// Its entry in the table of contents.
     entry: Value,
@@ -64,7 +64,7 @@ pub fn locate_frame(container: &Container) -> Result<LocatedFrame, Error> {
     Ok(LocatedFrame { facts, image, missing, warnings, entry: entry.clone(), processed })
 }
 
-/// The image, or why there is none.
+/// The segment of the image.
 fn image_of(container: &Container, located: &LocatedFrame) -> Result<Segment, Error> {
     if let Some(image) = &located.image {
         return Ok(image.clone());
@@ -98,7 +98,7 @@ pub(super) fn capture_from_container(container: &Container, profile: Option<&Cam
     Ok(capture)
 }
 
-/// The white image the file carries (Illum), if it is whole.
+/// The white image in the file (Illum), if it can be read.
 fn own_white_image(
     container: &Container,
     frame: &Value,
@@ -117,7 +117,7 @@ fn own_white_image(
         None => (FrameFacts::default(), Vec::new()),
     };
     own.extend(more);
-    // The same sensor: what the white image does not say is as in the capture.
+    // The same sensor: facts that the white image lacks are those of the capture.
     white_facts.size = white_facts.size.or(facts.size);
     white_facts.packing = white_facts.packing.or(facts.packing);
     white_facts.cfa = white_facts.cfa.or(facts.cfa);

@@ -32,7 +32,7 @@ pub struct Member {
     pub offset: u64,
     /// Its length in bytes.
     pub length: u64,
-    /// Its `sha1-…` as the bundle says, if it lies in one.
+    /// Its `sha1-…` as stated by the bundle, if it lies in one.
     pub sha1: Option<String>,
 }
 
@@ -90,7 +90,7 @@ impl Member {
 pub struct Members {
     /// In order of file name, then place.
     pub list: Vec<Member>,
-    /// What was odd about them, one line each.
+    /// Anomalies, one line each.
     pub warnings: Vec<String>,
 }
 
@@ -143,7 +143,7 @@ fn add_folder(path: &Path, depth: usize, seen: &mut HashSet<PathBuf>, out: &mut 
     Ok(())
 }
 
-/// Adds what lies inside `path`, if it is a bundle or an archive; says whether it is.
+/// Adds the members of `path` if it is a bundle or an archive; returns whether it is.
 fn add_contents_of(path: &Path, seen: &mut HashSet<PathBuf>, out: &mut Members) -> Result<bool, Error> {
     let canonical = path.canonicalize().map_err(Error::io(path))?;
     if seen.contains(&canonical) {
@@ -179,7 +179,7 @@ fn add_bundle(path: &Path, seen: &mut HashSet<PathBuf>, out: &mut Members) -> Re
             }
         }
         let Some(next) = json::text_at(&contents, "nextFile") else { continue };
-        // A neighbour in the same folder, never a path to elsewhere.
+        // A file in the same folder, never a path to elsewhere.
         if next.contains(['/', '\\']) || next == ".." {
             out.warnings
                 .push(format!("{}: the next volume `{next}` is not a plain file name; ignored", path.display()));
@@ -192,7 +192,7 @@ fn add_bundle(path: &Path, seen: &mut HashSet<PathBuf>, out: &mut Members) -> Re
         });
         match volume {
             Ok(Some(volume)) => {
-                // A later volume may do without contents of its own.
+                // A later volume need not have a table of contents.
                 queue.extend(volume.contents().unwrap_or_default());
                 volumes.push(volume);
             }

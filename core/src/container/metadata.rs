@@ -11,7 +11,7 @@ use super::json::{integer_at, number_at, text_at, value_at};
 use super::packing::Packing;
 use super::references::is_sha1;
 
-/// What metadata says of a frame.
+/// The facts of a frame in its metadata; `None` where absent.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FrameFacts {
     /// Width and height in pixels.
@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_dropped_with_a_word() {
+    fn values_out_of_range_are_dropped_with_a_warning() {
         let m = json!({
             "image": {"width": 1e18, "height": 5,
                 "pixelFormat": {"black": levels(900.0), "white": levels(100.0)},

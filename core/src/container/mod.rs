@@ -3,7 +3,7 @@
 //! [`Capture::open`] turns any capture file into a [`Capture`]; [`segments`] and [`references`] read the parts of a
 //! container, [`write_lfp`] writes one; [`whites`] finds the white image of a capture; [`CameraProfile`] holds the
 //! facts of a camera model. Types are below, dispatch above: `capture`, `cfa`, `facts` ← `metadata`, `profile` ←
-//! `assemble` ← one file a kind of capture (`lfp`, `raw`, `picture`) ← `open`.
+//! `assemble` ← one file per kind of capture (`lfp`, `raw`, `picture`) ← `open`.
 
 mod assemble;
 mod capture;

@@ -10,15 +10,15 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Packing {
-    /// One byte a pixel.
+    /// One byte per pixel.
     U8,
     /// 5 bytes for 4 pixels, the low bits together in the last (Lytro Illum).
     Le10,
     /// 3 bytes for 2 pixels, most significant bits first (Lytro F01).
     Be12,
-    /// 2 bytes a pixel, low byte first.
+    /// 2 bytes per pixel, low byte first.
     Le16,
-    /// 2 bytes a pixel, high byte first.
+    /// 2 bytes per pixel, high byte first.
     Be16,
 }
 
@@ -35,7 +35,7 @@ impl Packing {
         }
     }
 
-    /// Bits a pixel.
+    /// Bits per pixel.
     pub fn bits(self) -> u32 {
         match self {
             Packing::U8 => 8,

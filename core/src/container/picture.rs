@@ -1,7 +1,7 @@
 //! Raw mosaics given as pictures: PNG, TIFF, JPEG or PGM of one channel, 8 or 16 bit.
 //!
-//! The values decide what they are: up to the camera's white level they are digital numbers as read from the sensor;
-//! above it, and in 8-bit pictures, the full range of the picture stands for 0 to the camera's white level.
+//! The largest value decides how values are read. Up to the camera's white level they are digital numbers as read from
+//! the sensor; above it, and in 8-bit pictures, the full range of the picture corresponds to 0 to the white level.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -18,7 +18,7 @@ use crate::digest::sha256_hex;
 
 /// Longest picture file read, bytes.
 pub(super) const MAX_FILE: u64 = 1 << 30;
-/// Largest decoded picture: 512 MiB, three times an Illum's as 16-bit colour.
+/// Largest decoded picture, bytes: twice an Illum's mosaic as 16-bit RGB.
 const MAX_DECODED: u64 = 512 << 20;
 
 /// Whether these first bytes are those of a picture that can be decoded.
@@ -45,7 +45,7 @@ pub(super) fn capture_from_picture(
         }
         (None, Some(p)) => p,
         (None, None) => {
-            // Size alone tells the sensor, not which lenslets are in front of it.
+            // The size identifies the sensor, not the lenslet array in front of it.
             hint = false;
             profile_by_size(pixels.width, pixels.height, &mut warnings)?
         }
@@ -100,7 +100,7 @@ fn size_warning(width: usize, height: usize, profile: &CameraProfile) -> Option<
     })
 }
 
-/// Pixels and bits a sample.
+/// Pixels and bits per sample.
 fn decode_picture(path: &Path, bytes: &[u8]) -> Result<(RawMosaic, u32), Error> {
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(Error::io(path))?;
     let mut limits = Limits::default();

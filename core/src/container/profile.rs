@@ -34,10 +34,10 @@ pub struct CameraProfile {
     /// Other names of the same model, e.g. that in its white images.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub aliases: Vec<String>,
-    /// Whether mosaics without any camera facts are taken for this camera. One profile has it.
+    /// Whether mosaics without any camera facts are read as this camera's; set in exactly one profile. Default: no.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub fallback: bool,
-    /// Whether its captures carry their white image.
+    /// Whether its captures contain their white image. Default: no.
     #[serde(default)]
     pub white_inside: bool,
     /// The sensor.
@@ -45,10 +45,10 @@ pub struct CameraProfile {
     /// The micro-lens array, as a first guess for calibration.
     #[serde(default)]
     pub lenslets: Option<MlaHint>,
-    /// Colour, where a capture does not say.
+    /// Colour facts for captures without them.
     #[serde(default)]
     pub colour: Option<ColourFacts>,
-    /// One body whose figures were measured: what a simulated camera of this model looks like.
+    /// Figures measured on one body; a simulated camera of this model has them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured: Option<MeasuredBody>,
 }
@@ -69,7 +69,7 @@ pub struct MeasuredBody {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sensor {
-    /// Pixels a row.
+    /// Pixels per row.
     pub width: usize,
     /// Rows.
     pub height: usize,
@@ -142,7 +142,7 @@ impl CameraProfile {
     /// Reads a profile from TOML text.
     ///
     /// # Errors
-    /// A line saying what is wrong with it: not TOML, an unknown key, a value out of range.
+    /// A line that says what is wrong: not TOML, an unknown key, a value out of range.
     pub fn from_toml(text: &str) -> Result<CameraProfile, String> {
         let profile: CameraProfile = toml::from_str(text).map_err(|e| e.message().to_string())?;
         profile.check()?;
@@ -182,7 +182,7 @@ impl CameraProfile {
     /// use lenslet_core::container::CameraProfile;
     ///
     /// let f01 = CameraProfile::find("lytro-f01")?;
-    /// assert_eq!(f01.raw_bytes(), Some(3280 * 3280 * 3 / 2)); // 12 bit a pixel
+    /// assert_eq!(f01.raw_bytes(), Some(3280 * 3280 * 3 / 2)); // 12 bit per pixel
     /// assert!(CameraProfile::find("nikon").is_err());
     /// # Ok::<(), lenslet_core::container::Error>(())
     /// ```

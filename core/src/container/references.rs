@@ -1,4 +1,4 @@
-//! Which segment is what: every `sha1-…` named in a container's JSON, and by which key.
+//! The roles of segments: every `sha1-…` in a container's JSON, with the key that refers to it.
 
 use std::collections::HashMap;
 

@@ -1,4 +1,4 @@
-//! The segments of a container (.lfp, .lfr, data.C.n): where each lies, how long it is, what sha1 it should have.
+//! The segments of a container (.lfp, .lfr, data.C.n): position, length and expected sha1 of each.
 //!
 //! Payloads are read only when asked for. Lengths in the file are compared with the file's true length before
 //! anything is allocated, and the number of segments is limited.
@@ -21,7 +21,7 @@ pub(super) const HEADER: u64 = 96;
 /// Most segments of one container; cameras write fewer than a thousand.
 /// Source: chosen.
 const MAX_SEGMENTS: usize = 1 << 16;
-/// Longest run of zeros skipped in search of the next segment, bytes.
+/// Longest run of zeros skipped when the next segment is searched for, bytes.
 /// Source: chosen.
 const MAX_ZEROS: u64 = 1 << 16;
 
@@ -57,7 +57,7 @@ pub struct Segment {
     pub offset: u64,
     /// Bytes of payload.
     pub length: u64,
-    /// `sha1-` and 40 hexadecimal digits, in lower case, as the header says.
+    /// `sha1-` and 40 hexadecimal digits, in lower case, as stated in the header.
     pub sha1: String,
 }
 
@@ -70,7 +70,7 @@ pub struct Container {
     source: Mutex<Box<dyn Bytes>>,
     /// Segments in file order.
     pub segments: Vec<Segment>,
-    /// Oddities that did not stop the reading.
+    /// Anomalies that did not prevent reading, one line each.
     pub warnings: Vec<String>,
 }
 
@@ -133,7 +133,7 @@ impl Container {
         let (mut position, mut end) = (16u64, 16u64);
         while position < length {
             let Some(mut segment) = header_at(&mut source, position, length).map_err(Error::io(path))? else {
-                // Not where it should be: only zeros may be left, or the padding may be of another length.
+                // No segment at the expected position: only zeros may be left, or the padding may be of another length.
                 let Some(next) = skip_zeros(&mut source, end, length).map_err(Error::io(path))? else { break };
                 if next != position && header_at(&mut source, next, length).map_err(Error::io(path))?.is_some() {
                     warnings.push(format!("odd padding: a segment expected at byte {position} starts at byte {next}"));
@@ -359,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn odd_padding_is_survived() {
+    fn odd_padding_is_skipped_with_a_warning() {
         let (m, c) = (segment(b'M', b"{\"a\":1}"), segment(b'C', &[7; 21]));
         for padding in [1, 4, 4096] {
             let f = file(&[&m, &c, &c], padding);
@@ -400,7 +400,7 @@ mod tests {
     }
 
     #[test]
-    fn lengths_are_not_believed() {
+    fn stated_lengths_are_not_trusted() {
         let mut c = segment(b'C', &[7; 21]);
         c[12..16].copy_from_slice(&[0xff; 4]);
         assert!(open(&file(&[&c], 16)).unwrap_err().to_string().contains("cut off"));

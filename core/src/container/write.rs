@@ -13,7 +13,7 @@ use super::references;
 use super::segments::{HEADER, MAGIC, sha1_of};
 use crate::output::Pending;
 
-/// Pixel pitch in metres by which a lenslet pitch in pixels is written; reading divides by it again.
+/// Pixel pitch, metres: lenslet pitches are written in metres, as pixels times this; reading divides by it again.
 /// Source: the F01's and the Illum's.
 const PIXEL_PITCH: f64 = 1.4e-6;
 

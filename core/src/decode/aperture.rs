@@ -1,4 +1,4 @@
-//! The views' places in the aperture, from the white image: where its middle is, and how much light each view has.
+//! The views' positions in the aperture, from the white image: the middle of the aperture, and the light of each view.
 //!
 //! A micro-image is a picture of the main lens's aperture, so its middle is the optical axis: view (0, 0) belongs
 //! there, and views near the border are dark. Both are read from the mean micro-image of the calibration's white
@@ -49,10 +49,10 @@ pub(super) fn aperture_middle(calibration: &Calibration) -> [f64; 2] {
     at
 }
 
-/// Apex of the paraboloid within `radius` of the centres moved by `at`, seen from there.
+/// Apex of the paraboloid within `radius` of the centres moved by `at`, relative to these.
 fn apex(calibration: &Calibration, white: &Vignetting, at: [f64; 2], radius: f64) -> Option<[f64; 2]> {
-    // Sums of w·(1, x, y, r²)ᵀ(1, x, y, r²) and of the light times it; the window is round, so its smooth edge
-    // (w falls to 0 there) is all that keeps whole pixels from entering at once.
+    // Sums of w·(1, x, y, r²)ᵀ(1, x, y, r²) and of the light times it. The window is round; w falls to 0 at its edge,
+    // so that pixels enter gradually.
     let mut sums = [[0f64; 5]; 4];
     let reach = radius.ceil() as i64 + 1;
     let (cx, cy) = (calibration.width as f64 / 2.0, calibration.height as f64 / 2.0);
@@ -88,7 +88,7 @@ fn apex(calibration: &Calibration, white: &Vignetting, at: [f64; 2], radius: f64
 }
 
 /// How reliable each view is, 0..=1, in the order of `HexSamples`: the white image's mean light at the view, the
-/// brightest view being 1; 0 for views past the border of their micro-image, whose values are only extrapolated.
+/// brightest view being 1; 0 for views beyond the border of their micro-image, whose values are only extrapolated.
 /// `centres` are the lenslets'.
 pub(super) fn view_weights(calibration: &Calibration, centres: &[[f64; 2]], views: usize, step: f64) -> Vec<f32> {
     let every = (centres.len() / LENSLETS).max(1);

@@ -1,4 +1,4 @@
-//! What decoding refuses before it begins, by whose fault it is.
+//! Checks of the capture, the calibration and the options before decoding begins.
 
 use super::error::Error;
 use super::options::{Options, WhiteBalance};
@@ -6,7 +6,7 @@ use super::steps::ViewStep;
 use crate::calibration::{Calibration, Lenslet};
 use crate::container::Capture;
 
-/// Refuses inputs that contradict themselves and options out of range; the sensor sizes are already known to agree.
+/// Refuses inconsistent inputs and options out of range. The sensor sizes have been compared before.
 pub(super) fn check_inputs(capture: &Capture, calibration: &Calibration, options: &Options) -> Result<(), Error> {
     check_capture(capture)?;
     check_calibration(calibration)?;

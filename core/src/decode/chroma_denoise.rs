@@ -1,4 +1,4 @@
-//! Chroma denoising: the colour noise of a view smoothed over its lattice, edges of its light kept.
+//! Chroma denoising: the colour noise of a view is smoothed over its lattice; edges of its light are kept.
 //!
 //! For captures whose colours a lossy coder damaged. A mosaic saved as JPEG is one: filter colours differ from
 //! pixel to pixel, JPEG quantises just that frequency away in some of its 8×8 blocks and keeps it in others, and where
@@ -125,8 +125,8 @@ mod tests {
     }
 
     #[test]
-    fn bands_of_colour_go_and_edges_of_light_hold_them_apart() {
-        // Rows of green and of grey by turns on the left, red on the right, which is twice as bright.
+    fn bands_of_colour_vanish_and_colours_do_not_cross_edges_of_light() {
+        // Alternating rows of green and grey on the left, red on the right, which is twice as bright.
         let scene = |x: i32, y: i32| match (x < SIDE / 2, y / 3 % 2) {
             (true, 0) => [0.1, 0.25, 0.1],
             (true, _) => [0.175, 0.175, 0.175],
@@ -140,7 +140,7 @@ mod tests {
         };
         let column: Vec<f32> = (12..28).map(|y| green(9, y)).collect();
         let (low, high) = column.iter().fold((f32::MAX, f32::MIN), |(l, h), &v| (l.min(v), h.max(v)));
-        // They were 0 and 0.86 by turns.
+        // They alternated between 0 and 0.86.
         assert!(low > 0.25 && high - low < 0.2, "{column:?}");
         // A lenslet away from the edge red is still red, green not.
         assert!(green(SIDE / 2 + 1, 20) < -0.7 && green(SIDE / 2 - 2, 20) > 0.1, "{} {}", green(21, 20), green(18, 20));

@@ -23,7 +23,7 @@ use crate::container::Cfa;
 use crate::linalg::{Cholesky, gauss_jordan};
 use crate::progress::Observer;
 
-/// Sub-pixel positions a pixel and axis: centres are rounded by at most 1/32 pixel.
+/// Sub-pixel positions per pixel and axis: centres are rounded by at most 1/32 pixel.
 ///
 /// Source: chosen.
 const PHASES: i32 = 16;
@@ -57,7 +57,7 @@ const MARGIN: f64 = 0.3;
 /// Source: chosen.
 const LEAST_PIVOT: f64 = 1e-12;
 
-/// Everything a set of weights depends on.
+/// The inputs of a set of weights.
 struct Model<'a> {
     lattice: &'a Lattice,
     cfa: Cfa,

@@ -1,9 +1,9 @@
-//! What goes wrong in decoding, by whose fault it is.
+//! Errors of decoding, by cause.
 
 use crate::calibration;
 use crate::progress::Interrupted;
 
-/// What goes wrong in decoding.
+/// Errors of decoding and of files of samples.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {

@@ -1,4 +1,4 @@
-//! Colours the screen cannot show, brought to the nearest it can: towards grey of the same luminance, hue kept.
+//! Colours outside sRGB, moved into it towards the grey of the same luminance; the hue is kept.
 //!
 //! A camera's colour matrix subtracts colours from each other, so deep colours, and dark ones with noise on them, come
 //! out with channels below 0. Cutting those at 0 changes hue and luminance and leaves bright specks. Here a colour
@@ -55,7 +55,7 @@ fn fit_colour(rgb: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|c| 0.5 * (faded[c] + darkened[c]))
 }
 
-/// `rgb` of luminance `y`, on grey of luminance `grey` (0..=1), with as much of its colour as fits.
+/// `rgb` of luminance `y`, moved to luminance `grey` (0..=1); its colour is reduced until it fits.
 fn towards_grey(rgb: [f32; 3], grey: f32, y: f32) -> [f32; 3] {
     let d = rgb.map(|v| v - y);
     let below = -d[0].min(d[1]).min(d[2]);
@@ -140,7 +140,7 @@ mod tests {
                 near[c] += 1e-4;
                 let r = fit_colour(near);
                 let step = (0..3).map(|k| (q[k] - r[k]).abs()).fold(0.0, f32::max);
-                // Steep only where hardly any light is left to carry a colour.
+                // Steep only close to black and white, where little colour fits.
                 let room = luminance(p).min((luminance(p) - 1.0).abs().max(0.02));
                 assert!(luminance(p) <= 0.02 || step < 1e-4 * (2.0 + 8.0 / room), "{p:?} {step}");
             }

@@ -1,8 +1,7 @@
 //! From a raw mosaic to hexagonally sampled views (paper sections 3.1 and 4): vignetting, demosaic, colour, slicing.
 //!
-//! The way is a list of steps in three stages ([`Steps`]), so that any of them can be left out or exchanged and the
-//! loss measured. Everything is linear light until the views are encoded for the screen, which happens after
-//! resampling.
+//! Decoding is a list of steps in three stages ([`Steps`]); any of them can be left out or exchanged, to measure what
+//! it contributes. All values are linear light; views are encoded for the screen after resampling.
 
 mod aperture;
 mod check;

@@ -1,9 +1,9 @@
-//! A mosaic in linear light: one value a pixel, its colour given by the filter array.
+//! A mosaic in linear light: one value per pixel, its colour given by the filter array.
 
 /// A mosaic in linear light.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mosaic {
-    /// Pixels a row.
+    /// Pixels per row.
     pub width: usize,
     /// Rows.
     pub height: usize,

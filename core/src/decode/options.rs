@@ -16,14 +16,14 @@ pub enum WhiteBalance {
 /// Options of decoding.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
-    /// Views a row and a column: odd, 1 to 15. Default 7, the paper's choice.
+    /// Views per row and per column: odd, 1 to 15. Default 7, the paper's choice.
     pub views: usize,
     /// Sensor pixels between neighbouring views: above 0, up to 4. Default 1.
     pub view_step: f64,
     /// Where the white balance comes from. Default: the capture.
     pub white_balance: WhiteBalance,
-    /// Move all views so that (0, 0) is the middle of the aperture, where the white image shows another than the
-    /// calibration's centres. Default: yes.
+    /// Move all views so that (0, 0) lies at the middle of the aperture as measured in the white image, which may
+    /// differ from the calibration's centres. Default: yes.
     pub recentre: bool,
     /// The development steps. Default: [`Steps::default`]; [`steps_for`](super::steps_for) gives those of a capture.
     pub steps: Steps,

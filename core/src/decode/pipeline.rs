@@ -1,4 +1,4 @@
-//! Decoding: the three stages one after the other.
+//! Decoding: the raw stage, the demosaic and the view stage, one after the other.
 
 use ndarray::Array3;
 

@@ -12,7 +12,7 @@ use crate::calibration::Calibration;
 use crate::container::{Capture, Cfa};
 use crate::progress::Observer;
 
-/// The white image counts as at least this share of full light: below, dividing by it would only raise noise.
+/// Lower bound of the white image, as a share of full light: dividing by less would mostly amplify noise.
 ///
 /// Source: chosen.
 const MIN_WHITE: f32 = 1.0 / 24.0;
@@ -60,7 +60,7 @@ pub(super) fn develop_mosaic(
     Ok(out)
 }
 
-/// Digital numbers as light: (number − black)/(white − black), the black level 0 if it is not to be subtracted.
+/// Digital numbers as light: (number − black)/(white − black); black is 0 unless `subtract_black`.
 fn read_numbers(capture: &Capture, subtract_black: bool) -> Mosaic {
     let (width, height) = (capture.mosaic.width, capture.mosaic.height);
     let black = if subtract_black { capture.levels.black } else { [0.0; 4] };
@@ -89,7 +89,7 @@ fn balance(out: &mut Mosaic, capture: &Capture, source: WhiteBalance, observer: 
             [r, g, g, b]
         }
     };
-    // The first colour to saturate keeps its scale, so that 1 stays the end of the range.
+    // The first colour to saturate keeps its scale, so that the range still ends at 1.
     let least = gains.iter().copied().fold(f32::INFINITY, f32::min);
     let gains = gains.map(|g| g / least);
     change_rows(out, |y, row| {

@@ -2,7 +2,7 @@
 
 use ndarray::{Array3, ArrayView2, Axis};
 
-/// Hexagonal samples: one value a lenslet for each view, before any resampling. Linear light.
+/// Hexagonal samples: one value per lenslet for each view, before any resampling. Linear light.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HexSamples {
     /// Sensor size (width, height) in pixels: the frame of `centres`.
@@ -12,12 +12,12 @@ pub struct HexSamples {
     pub centres: Vec<[f64; 2]>,
     /// Lattice index (i, j) of each lenslet.
     pub index: Vec<[i32; 2]>,
-    /// Views a row and a column, n (odd).
+    /// Views per row and per column, n (odd).
     pub views: usize,
     /// Sensor pixels between neighbouring views.
     pub view_step: f64,
     /// How reliable each view is, 0..=1 in the order of the views: its share of the light of the brightest one, 0
-    /// where it lies past the border of its micro-image.
+    /// where it lies beyond the border of its micro-image.
     pub weights: Vec<f32>,
     /// Values, shape (n², lenslets, channels), channels 1 or 3. See [`HexSamples::view_index`] for the order of the
     /// views.
@@ -25,7 +25,7 @@ pub struct HexSamples {
 }
 
 impl HexSamples {
-    /// Where view (v, u) stands in `values` and `weights`: row v and column u from the top left, both in `0..n`; the
+    /// Index of view (v, u) in `values` and `weights`: row v and column u from the top left, both in `0..n`; the
     /// middle view is (n/2, n/2).
     ///
     /// # Panics
@@ -38,7 +38,7 @@ impl HexSamples {
     /// The samples of view (v, u), lenslets×channels.
     ///
     /// # Panics
-    /// If v or u is not below the number of views a row.
+    /// If v or u is not below the number of views per row.
     ///
     /// ```
     /// use lenslet_core::decode::HexSamples;

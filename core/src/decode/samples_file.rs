@@ -1,11 +1,11 @@
-//! `samples.npz`: what was measured, kept beside the views so that later steps can go back to it.
+//! `samples.npz`: the samples that views were made from, stored beside them for later steps.
 //!
 //! A NumPy archive (zip, nothing compressed) of `values` f32 (views², lenslets, channels), `centres` f64 (lenslets, 2;
 //! x, y), `index` i32 (lenslets, 2; i, j), `offsets` f64 (views², 2; u, v in sensor pixels), `sensor` i32 (2; width,
 //! height) and `weights` f32 (views²; how reliable each view is, 1 where an older file has none). The same samples
 //! give the same bytes.
 //!
-//! Files are not trusted: memory follows the size of the file, never a size that it states.
+//! Files are not trusted: the memory used depends on the size of the file, never on a size that it states.
 
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -22,7 +22,7 @@ use crate::output::Pending;
 
 /// Name of the file of samples inside a light field's directory.
 pub const SAMPLES_FILE: &str = "samples.npz";
-/// A .npy of format 1.0 begins so.
+/// First bytes of a .npy of format 1.0.
 const MAGIC: &[u8] = b"\x93NUMPY\x01\x00";
 
 /// The file of the samples that a light field was made from: in its folder, or beside a light field that is one file.
@@ -109,7 +109,7 @@ fn read_archive(file: File) -> Result<HexSamples, String> {
     let index = archive.array("index", "<i4", i32::from_le_bytes)?;
     let offsets = archive.array("offsets", "<f8", f64::from_le_bytes)?;
     let sensor = archive.array("sensor", "<i4", i32::from_le_bytes)?;
-    // Files from before there were weights have five arrays.
+    // Files written before weights were added have five arrays.
     let weights =
         if archive.0.len() == 5 { None } else { Some(archive.array("weights", "<f4", f32::from_le_bytes)?) };
 
@@ -177,7 +177,7 @@ impl Archive {
             ZipError::UnsupportedArchive(_) => "it is compressed; write it with numpy.savez".into(),
             other => format!("array `{name}`: {other}"),
         })?;
-        // Grows with what is there, whatever size the archive states; the checksum is checked at the end.
+        // Grows with the bytes read, not with the size that the archive states; the checksum is verified at the end.
         let mut bytes = Vec::new();
         member.read_to_end(&mut bytes).map_err(|e| format!("array `{name}` is damaged: {e}"))?;
         let (shape, start) = parse_header::<N>(&bytes, descr).map_err(|reason| format!("array `{name}`: {reason}"))?;
@@ -229,7 +229,7 @@ mod tests {
         some().save(&path, false).unwrap();
         assert_eq!(HexSamples::load(&path).unwrap(), some());
         assert!(matches!(some().save(&path, false), Err(Error::Output(_))));
-        // Twice the same bytes, and another implementation reads them.
+        // Saving twice gives the same bytes, and another implementation can read them.
         let again = dir.path().join("again.npz");
         some().save(&again, false).unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), std::fs::read(&again).unwrap());
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn every_truncation_and_every_flipped_byte_is_survived() {
+    fn truncated_files_and_flipped_bytes_never_give_other_samples() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("samples.npz");
         some().save(&path, false).unwrap();
@@ -254,7 +254,7 @@ mod tests {
             let mut bytes = whole.clone();
             bytes[n] ^= 0xff;
             std::fs::write(&path, &bytes).unwrap();
-            // Either refused, or the byte meant nothing; never something else.
+            // Either an error, or the byte has no meaning; never other samples.
             if let Ok(read) = HexSamples::load(&path) {
                 assert_eq!(read, some(), "byte {n}");
             }

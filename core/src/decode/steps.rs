@@ -1,11 +1,11 @@
-//! The development steps as data: a list for each stage, so that a step can only be written where it can run.
+//! The development steps as data: one list per stage, so that a step can only be listed in the stage it runs in.
 //!
 //! The raw stage works on the mosaic, the demosaic turns it into samples, the view stage works on samples. Any step
-//! can be left out and the loss measured.
+//! can be left out, to measure what it contributes.
 
 use crate::container::Capture;
 
-/// How three colours a pixel come from one.
+/// How the two missing colours of a pixel are estimated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Demosaic {
     /// Means of the nearest pixels of each colour.
@@ -72,12 +72,12 @@ pub enum ViewStep {
     ExposureBias,
     /// Multiply by 2^EV; EV within ±32.
     Exposure(f32),
-    /// Bring colours that the screen cannot show into 0..=1, hue kept. Without it values may lie anywhere, as in
-    /// scene-linear output.
+    /// Move colours outside sRGB into 0..=1, hue kept. Without this step values are unbounded, as in scene-linear
+    /// output.
     Gamut,
 }
 
-/// The way from digital numbers to linear colour, in the order it is taken.
+/// The steps from digital numbers to linear colour, in the order in which they run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Steps {
     /// Steps on the mosaic.
@@ -101,7 +101,7 @@ impl Default for Steps {
 }
 
 impl Steps {
-    /// The steps' names in the order they are taken, as a light field's description lists them. Two are those of the
+    /// The steps' names in the order in which they run, as a light field's description lists them. Two are those of the
     /// first version: `Demosaic(Lenslet)` for co-kriging, `CalmColours` for chroma denoising.
     ///
     /// ```

@@ -29,7 +29,7 @@ const MAX_GAIN: f32 = 16.0;
 /// White balance estimated from a mosaic, as gains of red, green, blue with the least at 1, none above 16.
 ///
 /// Shades of grey: the sixth-power means of the three colours are made equal, over blocks of 16×16 pixels that are
-/// neither dark nor saturated. Bright surfaces weigh most, but no single highlight decides.
+/// neither dark nor saturated. Bright surfaces have the most weight, but no single highlight dominates.
 pub(super) fn estimate_gains(mosaic: &Mosaic, cfa: Cfa) -> [f32; 3] {
     let (width, height) = (mosaic.width, mosaic.height);
     let bands: Vec<[f64; 3]> = (0..height / BLOCK)

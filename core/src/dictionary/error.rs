@@ -1,6 +1,6 @@
-//! What goes wrong with dictionaries, by whose fault it is.
+//! Errors of dictionaries, by cause.
 
-/// What goes wrong with dictionaries.
+/// Errors of reading, writing and using dictionaries.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -12,7 +12,7 @@ pub enum Error {
         /// Why.
         source: std::io::Error,
     },
-    /// Not a dictionary at all.
+    /// Not a dictionary file.
     #[error("{path} is not a lenslet dictionary (.lfd or .safetensors); train one with `lenslet train-dict`")]
     NotDictionary {
         /// Which file.
@@ -30,7 +30,7 @@ pub enum Error {
         /// What to do.
         remedy: &'static str,
     },
-    /// A whole and valid file that holds what is no longer supported.
+    /// A valid file with contents that are no longer supported.
     #[error("{path} holds {what}, which this lenslet no longer runs: train it again with `lenslet train-dict`")]
     Unsupported {
         /// Which file.
@@ -52,7 +52,7 @@ pub enum Error {
     /// A parameter out of range, or shapes that do not fit each other.
     #[error("{0}")]
     Parameter(String),
-    /// The sparse solver refused.
+    /// The sparse solver refused its input.
     #[error(transparent)]
     Sparse(#[from] crate::sparse::Error),
 }

@@ -18,8 +18,8 @@ fn reflect(i: isize, n: usize) -> usize {
     if r < n { r } else { period as usize - 1 - r }
 }
 
-/// A plane (t, s) with `margin` pixels around it, mirrored at its borders (the border value repeated). Of a plane
-/// without pixels a copy.
+/// A plane (t, s) with `margin` pixels around it, mirrored at its borders (the border value repeated). A plane without
+/// pixels is returned as a copy.
 ///
 /// ```
 /// use lenslet_core::dictionary::pad_mirrored;
@@ -65,7 +65,7 @@ pub fn copy_windows(padded: &Array2<f32>, support: usize, corners: &[(usize, usi
 }
 
 /// Features (n×m) of the windows of `support`² pixels whose top left corners are `corners` (y, x): f = F·w, one matrix
-/// product an input. `padded` are the inputs, all of one size; the first `filters_per_input[0]` rows of `filters`
+/// product per input. `padded` are the inputs, all of one size; the first `filters_per_input[0]` rows of `filters`
 /// (m × support²) are applied to the first, and so on.
 ///
 /// Runs on the calling thread. Memory: the windows of one input.
@@ -249,7 +249,7 @@ mod tests {
         assert!(kept > 0.3 && kept < 1.0);
         let gradients = windows.dot(&gradient_operator(3).t());
         let folded = windows.dot(&filters.mapv(f64::from).t());
-        // Components are orthogonal over the data and their energy is what the eigenvalues promise.
+        // Components are orthogonal over the data and their energy equals the eigenvalues.
         let energy = folded.iter().map(|v| v * v).sum::<f64>() / gradients.iter().map(|v| v * v).sum::<f64>();
         assert!((energy - kept).abs() < 1e-5);
         let gram = folded.t().dot(&folded);

@@ -1,4 +1,5 @@
-//! What a dictionary holds: models of residual patches, one a footprint, each with the matrices of all its predictors.
+//! What a dictionary holds: models of residual patches, one per footprint, each with the matrices of all its
+//! predictors.
 
 use ndarray::{Array1, Array2, Array3};
 use serde::{Deserialize, Serialize};
@@ -6,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::recipe::Recipe;
 use crate::interpolation::Interpolation;
 
-/// What a sample of the low image was: the scene at a point, or its mean over the lenslet.
+/// What a sample of the low image measured: the scene at a point, or its mean over the lenslet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Footprint {
@@ -46,7 +47,7 @@ pub enum PatchPredictor {
 pub struct Anchored {
     /// Anchors, K'×m, unit rows; the nearest by |correlation| is used.
     pub anchors: Array2<f32>,
-    /// One linear map an anchor, K'×m×patch²: residual = fᵀ·map.
+    /// One linear map per anchor, K'×m×patch²: residual = fᵀ·map.
     pub maps: Array3<f32>,
 }
 
@@ -88,10 +89,10 @@ impl Network {
     }
 }
 
-/// The learned map from the low image around a place to the residual patch there, by every [`PatchPredictor`].
+/// The learned map from the low image around a pixel to the residual patch there, for every [`PatchPredictor`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct PatchModel {
-    /// Side of the window of the low image that features see (odd), pixels.
+    /// Side of the window of the low image that features are computed from (odd), pixels.
     pub support: usize,
     /// Side of the residual patch (odd, at most `support`), pixels.
     pub patch: usize,
@@ -109,14 +110,14 @@ pub struct PatchModel {
     pub ridge: Array2<f32>,
     /// Anchored regressors, the fast predictor.
     pub anchored: Option<Anchored>,
-    /// A network, with features of its own.
+    /// A network; it has separate feature filters.
     pub network: Option<Network>,
 }
 
 /// What was trained for one footprint.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Model {
-    /// What a sample was.
+    /// What a sample measured.
     pub footprint: Footprint,
     /// Which interpolation made the low image.
     pub base: Interpolation,
@@ -129,11 +130,11 @@ pub struct Model {
 /// What a model was trained for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ModelKind {
-    /// What a sample was.
+    /// What a sample measured.
     pub footprint: Footprint,
     /// Which interpolation made the low image.
     pub base: Interpolation,
-    /// Output pixels between neighbouring samples of a row; of a grid, by how much it is enlarged.
+    /// Output pixels between neighbouring samples of a row; for [`Footprint::Grid`] the factor of enlargement.
     pub pitch: f64,
 }
 
@@ -152,24 +153,24 @@ pub enum Storage {
     /// As they are.
     #[default]
     F32,
-    /// Signed bytes with one f32 scale a row (patch² values).
+    /// Signed bytes with one f32 scale per row (patch² values).
     I8,
 }
 
-/// Learned models and how they came to be.
+/// Learned models and how they were trained.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dictionary {
     /// How it was made.
     pub recipe: Recipe,
     /// How the anchored maps are stored.
     pub storage: Storage,
-    /// One model a footprint.
+    /// One model per footprint.
     pub models: Vec<Model>,
 }
 
 impl Dictionary {
-    /// The model for a footprint, or the first where there is none for it; none only of a dictionary without models,
-    /// which [`super::validate`] refuses.
+    /// The model for a footprint, or the first model where that footprint has none. `None` only for a dictionary
+    /// without models, which [`super::validate`] refuses.
     #[must_use]
     pub fn model(&self, footprint: Footprint) -> Option<&Model> {
         self.models.iter().find(|m| m.footprint == footprint).or_else(|| self.models.first())

@@ -10,8 +10,8 @@ pub struct ReconstructionOptions {
     pub predictor: PatchPredictor,
     /// Pixels between patches, 1 to the patch's side (that of the network's patches where it is used); 2 by default.
     pub step: usize,
-    /// Standard deviation of the Gaussian that weighs a patch's pixels, as a fraction of its side, above 0.01; infinite
-    /// (the default) weighs all the same.
+    /// Standard deviation of the Gaussian that weights a patch's pixels, as a fraction of its side, above 0.01;
+    /// infinite (the default) gives all pixels the same weight.
     pub spread: f32,
     /// Patches whose features have a smaller norm stay as they are in the low image (LASSO and anchored); 0 by default.
     pub flat: f32,

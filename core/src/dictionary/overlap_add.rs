@@ -8,8 +8,8 @@ use rayon::prelude::*;
 
 use super::error::Error;
 
-/// Rows of patches whose residuals are predicted together. Results depend on it only by the grouping of float sums,
-/// which is why it is fixed.
+/// Rows of patches whose residuals are predicted together. Fixed, because it sets the order in which floats are summed
+/// and so the last bits of the result.
 ///
 /// Source: chosen.
 const BAND: usize = 8;

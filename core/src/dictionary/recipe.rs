@@ -1,4 +1,4 @@
-//! How a dictionary came to be: kept in its file, so that it can be trained again.
+//! How a dictionary was trained: stored in its file, so that the training can be repeated.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +11,7 @@ pub struct Photo {
     pub sha256: String,
 }
 
-/// How a dictionary came to be.
+/// How a dictionary was trained.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 #[serde(default)]
 pub struct Recipe {

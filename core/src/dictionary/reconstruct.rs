@@ -13,7 +13,7 @@ use super::overlap_add::{add_residuals, mirrored_copy};
 use super::predict::{self, PredictPatches};
 use crate::interpolation::Interpolation;
 
-/// A model made ready for the reconstruction of planes.
+/// A model prepared for the reconstruction of planes.
 ///
 /// ```
 /// use lenslet_core::dictionary::{self, Footprint, PatchPredictor, PlaneReconstructor, ReconstructionOptions};
@@ -39,7 +39,7 @@ pub struct PlaneReconstructor {
 }
 
 impl PlaneReconstructor {
-    /// Prepares a model, of which it keeps a copy.
+    /// Prepares a copy of a model.
     ///
     /// # Errors
     /// [`Error::Parameter`] for options out of range; [`Error::Sparse`] for atoms that the solver refuses.
@@ -74,8 +74,8 @@ impl PlaneReconstructor {
     /// Reconstructs a plane (t, s) of luminance, sRGB-encoded, 0..1. The result is not clamped.
     ///
     /// `low` is the low image, `side_inputs` are images of the same size in the order of
-    /// [`PlaneReconstructor::side_inputs`]; where these are missing, the LASSO codes take the network's place. Values
-    /// that are not finite count as 0. Memory: about ten planes.
+    /// [`PlaneReconstructor::side_inputs`]; without them, LASSO codes are used instead of the network. Values that are
+    /// not finite count as 0. Memory: about ten planes.
     ///
     /// # Errors
     /// [`Error::Parameter`] for side inputs of another size; what the sparse solver reports.
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn the_network_stands_in_for_the_code_where_it_has_its_images() {
+    fn the_network_replaces_the_code_where_it_has_its_side_inputs() {
         let mut model = small_dictionary(4).models[0].clone();
         let lasso = PlaneReconstructor::new(&model, &ReconstructionOptions::default()).unwrap();
         let options =
@@ -218,7 +218,7 @@ mod tests {
         let plain =
             PlaneReconstructor::new(&model, &ReconstructionOptions { step: 1, ..ReconstructionOptions::default() })
                 .unwrap();
-        // Without a network the code.
+        // Without a network the LASSO code is used.
         let without = PlaneReconstructor::new(&model, &options).unwrap();
         assert!(without.side_inputs().is_empty());
         assert_eq!(
@@ -232,7 +232,7 @@ mod tests {
         assert_eq!(r.reconstruct_plane(low.view(), &[]).unwrap(), plain.reconstruct_plane(low.view(), &[]).unwrap());
         assert!(r.reconstruct_plane(low.view(), &[plane(3, 3)]).is_err());
         assert!(PlaneReconstructor::new(&model, &ReconstructionOptions { step: 4, ..options.clone() }).is_err());
-        // With it, the mean of the patches that the definition gives.
+        // With a network, the mean of the patches that the definition gives.
         let found = r.reconstruct_plane(low.view(), std::slice::from_ref(&other)).unwrap();
         let padded = [pad_mirrored(low.view(), 3), pad_mirrored((&other - &low).view(), 3)];
         for (y, x) in [(0, 0), (10, 11), (20, 25), (3, 24)] {
@@ -249,7 +249,7 @@ mod tests {
             }
             assert!((found[[y, x]] - low[[y, x]] - sum / count).abs() < 1e-4, "{y} {x}");
         }
-        // No detail where there is none.
+        // A flat plane stays flat.
         let flat = Array2::from_elem((15, 15), 0.4f32);
         assert!(
             r.reconstruct_plane(flat.view(), std::slice::from_ref(&flat))

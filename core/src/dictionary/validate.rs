@@ -1,4 +1,4 @@
-//! Checks that a dictionary is sound: what the readers accept, and what the rest of the room relies on.
+//! Checks of a dictionary, applied whenever one is read or written; reconstruction relies on them.
 
 use ndarray::Array2;
 
@@ -11,7 +11,7 @@ use crate::interpolation::Interpolation;
 /// (to 1e-3). Every dictionary that is read or written is checked.
 ///
 /// # Errors
-/// [`Error::Parameter`] with what is wrong.
+/// [`Error::Parameter`] that says what is wrong.
 pub fn validate(dictionary: &Dictionary) -> Result<(), Error> {
     let wrong = |what: String| Err(Error::Parameter(what));
     if dictionary.models.is_empty() || dictionary.models.len() > limits::PARTS {
@@ -55,7 +55,7 @@ fn check_patch_model(parts: &PatchModel) -> Result<(), Error> {
     }
     let unit = |a: &Array2<f32>| a.rows().into_iter().all(|r| (r.dot(&r).sqrt() - 1.0).abs() < 1e-3);
     if !unit(&parts.low) {
-        return wrong("an atom of Dl has not unit norm".into());
+        return wrong("an atom of Dl does not have unit norm".into());
     }
     if let Some(a) = &parts.anchored {
         let n = a.anchors.nrows();
@@ -72,7 +72,7 @@ fn check_patch_model(parts: &PatchModel) -> Result<(), Error> {
 /// Checks that shapes fit and numbers are finite.
 ///
 /// # Errors
-/// [`Error::Parameter`] with what is wrong.
+/// [`Error::Parameter`] that says what is wrong.
 pub(super) fn check_network(network: &Network) -> Result<(), Error> {
     let wrong = |what: String| Err(Error::Parameter(format!("network: {what}")));
     let m = network.filters.nrows();

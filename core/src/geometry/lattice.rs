@@ -16,7 +16,8 @@ pub enum Grid {
     Square,
 }
 
-/// A regular lattice: centre (i, j) = origin + i·a + j·b, in sensor pixels (x right, y down, pixel centres at integers).
+/// A regular lattice: centre (i, j) = origin + i·a + j·b, in sensor pixels (x right, y down, pixel centres at
+/// integers).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Lattice {
     /// Packing.
@@ -25,7 +26,8 @@ pub struct Lattice {
     pub origin: [f64; 2],
     /// Step to the next lenslet of a row (for `HexColumns`: of a column).
     pub a: [f64; 2],
-    /// Step to the next row: for hexagonal grids about 60 degrees clockwise on screen from `a` (y is down), for square ones 90.
+    /// Step to the next row: clockwise on screen from `a` by about 60 degrees for hexagonal grids, by 90 for square
+    /// ones.
     pub b: [f64; 2],
 }
 
@@ -127,7 +129,7 @@ impl Lattice {
         let ((i0, i1), (j0, j1)) = (bounds(0), bounds(1));
         let mut points = LatticePoints::default();
         for j in j0..=j1 {
-            // The stretch of the row that crosses the picture, one more at either end: the exact test is below.
+            // The part of the row that crosses the picture and one more point at either end; the exact test follows.
             let (mut low, mut high) = (i0, i1);
             for (k, limit) in [(0, right), (1, bottom)] {
                 let start = self.origin[k] + j as f64 * self.b[k];

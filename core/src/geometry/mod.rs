@@ -1,7 +1,7 @@
-//! Places: sizes, lattices, the map from a sensor to a view, triangulations.
+//! Positions: sizes, lattices, the map from a sensor to a view, triangulations.
 //!
-//! One convention holds everywhere: x to the right, y down, pixel centres at whole numbers. A picture of width W so reaches
-//! from −½ to W − ½.
+//! One convention holds everywhere: x to the right, y down, pixel centres at whole numbers. A picture of width W
+//! therefore reaches from −½ to W − ½.
 
 mod lattice;
 mod sensor_to_view;

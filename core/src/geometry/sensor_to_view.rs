@@ -57,7 +57,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn corners_meet_corners_and_the_way_back_is_the_way() {
+    fn corners_map_to_corners_and_the_inverse_map_inverts() {
         let map = SensorToView::new((3280, 2987), (1080, 983));
         let corner = map.to_view([3279.5, 2986.5]);
         assert!((corner[0] - 1079.5).abs() < 1e-9 && (corner[1] - 982.5).abs() < 1e-9);

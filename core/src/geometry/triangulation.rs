@@ -9,7 +9,7 @@ pub enum TriangulationError {
     /// A coordinate is NaN, infinite or 1e9 and more.
     #[error("centre {0} is not a finite position near the sensor")]
     NotFinite(usize),
-    /// Two centres share one place.
+    /// Two centres are at the same position.
     #[error("two of the {0} centres share one place")]
     Duplicate(usize),
     /// The centres span no area.
@@ -40,10 +40,10 @@ impl HasPosition for Vertex {
     }
 }
 
-/// A border triangle goes when its angle opposite the outline is wider than 135° (this is that angle's cosine).
+/// A border triangle is removed when its angle opposite the outline is wider than 135° (this is that angle's cosine).
 ///
 /// The hull of a slightly turned lattice has edges hundreds of pitches long where a row leaves the sensor; the slivers
-/// under them would mix lenslets far apart. The notches between rows, 120° wide, stay.
+/// under them would mix lenslets far apart. The notches between rows, 120° wide, are kept.
 /// Source: chosen between the 120° of the notches and the 180° of the slivers.
 const SLIVER: f64 = -std::f64::consts::FRAC_1_SQRT_2;
 
@@ -66,7 +66,7 @@ pub fn triangulate(centres: &[[f64; 2]]) -> Result<Triangulation, Error> {
     if u32::try_from(centres.len()).is_err() {
         return Err(Error::TooMany(centres.len()));
     }
-    // Magnitudes the geometry kernel cannot hold are zero for every purpose here.
+    // Coordinates too small for the triangulation's predicates count as zero.
     let tidy = |v: f64| if v.abs() < 1e-30 { 0.0 } else { v };
     let vertices = centres.iter().map(|c| Vertex(Point2::new(tidy(c[0]), tidy(c[1])))).collect();
     let mesh = DelaunayTriangulation::<Vertex>::bulk_load_stable(vertices).map_err(|e| match e {
@@ -142,7 +142,7 @@ fn without_slivers(centres: &[[f64; 2]], triangles: Vec<[u32; 3]>) -> Triangulat
             outline.push((n, side));
         }
     }
-    // An edge may have been judged before its triangle went by another side.
+    // The triangle of an edge may have been removed from another side after the edge was accepted.
     let mut outline: Vec<[u32; 2]> = outline
         .into_iter()
         .filter(|&(n, _)| !gone[n as usize])

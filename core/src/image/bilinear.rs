@@ -1,7 +1,7 @@
-//! Bilinear interpolation: the four pixels about a place, and the two ways to weigh them.
+//! Bilinear interpolation: the four pixels around a position, and the two ways to weight them.
 //!
-//! a + f·(b − a) and a·(1 − f) + b·f are equal but for rounding: the first is exact at f = 0 and costs one product less, the
-//! second is exact at both ends. Results of both have been published, so a caller stays with its own.
+//! a + f·(b − a) and a·(1 − f) + b·f are equal but for rounding: the first is exact at f = 0 and costs one product
+//! less, the second is exact at both ends. Results of both have been published, so each caller keeps the form it has.
 //!
 //! Corners are always given as upper left, upper right, lower left, lower right.
 
@@ -29,21 +29,21 @@ impl Position for f64 {
     }
 }
 
-/// The cell of four pixels that holds a place.
+/// The cell of four pixels around a position.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cell<T> {
     /// The columns to its left and right; equal in the last column.
     pub columns: [usize; 2],
     /// The rows above and below it; equal in the last row.
     pub rows: [usize; 2],
-    /// How far it is from the left column to the right one, 0..1.
+    /// Position between the left column (0) and the right one (1).
     pub fx: T,
-    /// How far it is from the upper row to the lower one, 0..1.
+    /// Position between the upper row (0) and the lower one (1).
     pub fy: T,
 }
 
 impl<T: Position> Cell<T> {
-    /// The cell about (`x`, `y`), brought into a picture of `width`×`height` pixels first. The picture must not be empty.
+    /// The cell around (`x`, `y`), clamped to a picture of `width`×`height` pixels. The picture must not be empty.
     ///
     /// ```
     /// use lenslet_core::image::Cell;
@@ -93,7 +93,7 @@ pub fn bilinear_by_weights<T: NdFloat>([a, b, c, d]: [T; 4], fx: T, fy: T) -> T 
     (a * (one - fx) + b * fx) * (one - fy) + (c * (one - fx) + d * fx) * fy
 }
 
-/// The value of [`bilinear_by_differences`] and its slopes along x and y, a pixel.
+/// The value of [`bilinear_by_differences`] and its slopes along x and y, per pixel.
 ///
 /// ```
 /// use lenslet_core::image::bilinear_with_slopes;
@@ -106,7 +106,7 @@ pub fn bilinear_with_slopes<T: NdFloat>([a, b, c, d]: [T; 4], fx: T, fy: T) -> [
     [upper + fy * (lower - upper), (T::one() - fy) * (b - a) + fy * (d - c), lower - upper]
 }
 
-/// The shares of the four pixels; they sum to one.
+/// The weights of the four pixels; they sum to one.
 ///
 /// ```
 /// use lenslet_core::image::bilinear_shares;

@@ -1,13 +1,13 @@
 //! Means over square boxes.
 //!
-//! Two functions for one thing: planes of a cost volume are filtered each on a thread of its own, with sums that hold over long
-//! rows ([`box_mean`]); a single picture is filtered on all threads ([`box_mean_in_bands`]). Their rounding differs.
+//! Two functions: [`box_mean`] runs on one thread, for the many planes of a cost volume, with f64 sums, accurate even
+//! over long rows; [`box_mean_in_bands`] filters a single picture on all threads. Their rounding differs.
 
 use ndarray::{Array2, Axis};
 use rayon::prelude::*;
 
-/// Mean over the box of 2`r` + 1 pixels a side around each pixel, of the part inside the frame, into `out`. Running sums, so
-/// the time does not depend on `r`; along the rows in f64, on this thread.
+/// Mean over the box of 2`r` + 1 pixels a side around each pixel, or its part inside the frame, into `out`. Running
+/// sums, along the rows in f64, so the time does not depend on `r`. Runs on the calling thread.
 ///
 /// ```
 /// use lenslet_core::image::box_mean;
@@ -58,7 +58,7 @@ pub fn box_mean(data: &[f32], width: usize, height: usize, r: usize, out: &mut V
 /// Source: chosen; a few rows are summed anew at the start of each band.
 const BAND: usize = 64;
 
-/// As [`box_mean`], with sums in f32, on all threads of the caller's pool; the same whatever their number.
+/// As [`box_mean`], with sums in f32, on all threads of the caller's pool; the result does not depend on their number.
 ///
 /// ```
 /// use lenslet_core::image::box_mean_in_bands;
@@ -80,7 +80,7 @@ pub fn box_mean_in_bands(mut plane: Array2<f32>, radius: usize) -> Array2<f32> {
             }
         }
     });
-    // Down the columns a row at a time.
+    // Vertical sums, one row at a time.
     let mut out = Array2::zeros((h, w));
     out.axis_chunks_iter_mut(Axis(0), BAND).into_par_iter().enumerate().for_each(|(k, mut band)| {
         let first = k * BAND;

@@ -21,7 +21,7 @@ pub fn keys_kernel(d: f64) -> f64 {
     }
 }
 
-/// The free number of Keys' kernel.
+/// The free parameter a of Keys' kernel.
 const A: f64 = -0.5;
 
 #[inline]
@@ -46,7 +46,7 @@ pub fn keys_weights(f: f64) -> [f64; 4] {
     [far(1.0 + f), near(f), near(1.0 - f), far(2.0 - f)]
 }
 
-/// As [`keys_weights`], in f32 and by powers of `f`: fewer operations, where rows are shifted pixel by pixel.
+/// As [`keys_weights`], in f32 and by powers of `f`, which takes fewer operations.
 ///
 /// ```
 /// use lenslet_core::image::catmull_rom_weights;

@@ -1,4 +1,4 @@
-//! Values of views from one colour space to another.
+//! Colour spaces of views, and the conversion between them.
 
 use ndarray::{ArrayBase, DataMut, Dimension};
 use serde::{Deserialize, Serialize};

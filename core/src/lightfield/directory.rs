@@ -1,4 +1,5 @@
-//! Our directory (`docs/file-formats.md`): `lightfield.json` and `view_VV_UU.png`, 16 bit, row v, column u, from 00.
+//! Lenslet's directory (`docs/file-formats.md`): `lightfield.json` and `view_VV_UU.png`, 16 bit, row v, column u, from
+//! 00.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -75,7 +76,7 @@ impl Drop for Writer {
     }
 }
 
-/// Reads our directory.
+/// Reads lenslet's directory.
 pub(super) struct Reader {
     folder: PathBuf,
     meta: Meta,

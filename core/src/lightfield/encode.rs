@@ -1,4 +1,4 @@
-//! Linear light to sRGB for whole views: the curve as a table, because a power a value would cost more than the rest.
+//! Linear light to sRGB for whole views, by a table: computing a power per value would take longer than all the rest.
 
 use std::sync::OnceLock;
 
@@ -12,11 +12,11 @@ const STEPS: usize = 1 << 15;
 
 fn table() -> &'static [f32] {
     static TABLE: OnceLock<Vec<f32>> = OnceLock::new();
-    // One entry past the end, so that 1.0 needs no case of its own.
+    // One entry past the end, so that 1.0 needs no special case.
     TABLE.get_or_init(|| (0..=STEPS + 1).map(|k| srgb_encode(k as f32 / STEPS as f32)).collect())
 }
 
-/// The sRGB-encoded twin of a view in linear light. Values outside 0..1 are cut, NaN becomes 0.
+/// A view in linear light, sRGB-encoded. Values are clamped to 0..1; NaN becomes 0.
 pub(super) fn encode_srgb(view: &Array3<f32>) -> Array3<f32> {
     let table = table();
     let mut out = view.as_standard_layout().into_owned();

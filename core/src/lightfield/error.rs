@@ -1,8 +1,8 @@
-//! What goes wrong with light fields on disk, by whose fault it is.
+//! Errors of light fields on disk, by cause.
 
 use std::path::Path;
 
-/// What goes wrong with light fields on disk.
+/// Errors of reading and writing light fields.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -14,7 +14,7 @@ pub enum Error {
         /// Why.
         source: std::io::Error,
     },
-    /// The file is not what it should be.
+    /// The file is not a light field, or is damaged.
     #[error("{path}: {reason}")]
     Malformed {
         /// Which file.
@@ -30,7 +30,7 @@ pub enum Error {
         /// What is not supported.
         reason: String,
     },
-    /// The caller asked for something impossible.
+    /// A parameter out of range, or a request that cannot be met.
     #[error("{0}")]
     Parameter(String),
     /// The output exists already or cannot be put in place.

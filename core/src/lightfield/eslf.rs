@@ -21,7 +21,7 @@ const MAX_VALUES: usize = 1 << 30;
 pub(super) fn open(path: &Path, views: [usize; 2], options: &ReadOptions) -> Result<BlockViews, Error> {
     let shape = image_file::read_shape_within(path, MAX_VALUES)?;
     let [rows, columns] = views;
-    // What does not fill a lenslet at the right and bottom edge is left out.
+    // Incomplete lenslets at the right and bottom edge are left out.
     let size = [shape.height / rows.max(1), shape.width / columns.max(1)];
     let colour = options.colour.unwrap_or(ColourSpace::Srgb);
     let meta = Meta::new(views, size, shape.channels, colour);

@@ -10,7 +10,7 @@ use super::error::Error;
 /// How a light field is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
-    /// `lightfield.json` and one 16-bit PNG a view.
+    /// `lightfield.json` and one 16-bit PNG per view.
     Directory,
     /// One .npy, f32, shape (v, u, t, s, c).
     Npy,
@@ -35,7 +35,7 @@ impl Format {
         }
     }
 
-    /// The format a file name asks for: by its ending, a directory when it has none that is known.
+    /// The format given by the ending of a file name; [`Format::Directory`] for any other ending, and without one.
     ///
     /// ```
     /// use lenslet_core::lightfield::Format;
@@ -73,10 +73,10 @@ impl fmt::Display for Format {
 /// How to read files that lack a description.
 #[derive(Debug, Clone, Default)]
 pub struct ReadOptions {
-    /// Views (rows, columns) of files that do not say so (ESLF and other lenslet images).
+    /// Views (rows, columns) of files that do not state them (ESLF and other lenslet images).
     pub views: Option<[usize; 2]>,
-    /// Colour space of files that do not say so; sRGB when absent. Our own directory says so itself.
+    /// Colour space of files that do not state it; sRGB when absent. Lenslet's own directory states it.
     pub colour: Option<ColourSpace>,
-    /// [`load`](super::load) refuses a light field of more bytes than this (as f32); 0 stands for 8 GiB.
+    /// [`load`](super::load) refuses a light field of more bytes than this (as f32); 0, the default, means 8 GiB.
     pub max_bytes: u64,
 }

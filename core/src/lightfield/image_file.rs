@@ -16,7 +16,7 @@ use super::sample::{SampleFormat, SampleKind};
 pub(super) fn to_sixteen_bits(view: &Array3<f32>) -> Vec<u8> {
     let one = |&x: &f32| ((x.clamp(0.0, 1.0) * 65535.0 + 0.5) as u16).to_be_bytes();
     match view.as_slice() {
-        // 64 Ki values a piece: enough for one thread, few enough to share.
+        // 64 Ki values per piece: enough for one thread, few enough to share.
         Some(values) => {
             let mut bytes = vec![0; 2 * values.len()];
             bytes.par_chunks_mut(1 << 17).zip(values.par_chunks(1 << 16)).for_each(|(to, from)| {
@@ -86,7 +86,8 @@ fn open_decoder(path: &Path, max_values: usize) -> Result<(impl ImageDecoder + u
     if shape.width * shape.height * 4 > max_values {
         return Err(malformed(path, format!("{width}x{height} pixels are too many")));
     }
-    // No coding here packs more than 1032 bytes (deflate) into one; 8 pixels a byte and some room on top.
+    // No format read here compresses better than 1032 to 1 (deflate), with up to 8 pixels in a byte; 1100 leaves a
+    // margin.
     if decoder.total_bytes() / 8 > length.saturating_mul(1100) {
         return Err(malformed(path, format!("{width}x{height} pixels cannot be in {length} bytes")));
     }
@@ -103,8 +104,8 @@ pub(super) fn read_shape_within(path: &Path, max_values: usize) -> Result<Shape,
     Ok(open_decoder(path, max_values)?.1)
 }
 
-/// Reads an image as stored: its bytes (u8, or u16 little-endian) in row-major order, what they are, and 1 or 3
-/// channels; alpha is dropped.
+/// Reads an image as stored: its bytes (u8, or u16 little-endian) in row-major order, their number format, and the
+/// number of channels (1 or 3); alpha is dropped.
 pub(super) fn read_stored(path: &Path, max_values: usize) -> Result<(Vec<u8>, SampleFormat, usize), Error> {
     let (decoder, shape) = open_decoder(path, max_values)?;
     let picture = DynamicImage::from_decoder(decoder).map_err(|e| malformed(path, e.to_string()))?;
@@ -152,7 +153,7 @@ pub(super) fn read_view(path: &Path, meta: &Meta) -> Result<Array3<f32>, Error> 
     if channels == 1 {
         return Err(malformed(path, format!("{} channels, expected 1", shape.channels)));
     }
-    // A grey view among coloured ones is a colour picture without colour.
+    // A grey view among coloured ones has three equal channels.
     let grey = read_picture(path)?;
     grey.broadcast((height, width, channels))
         .map(|g| g.to_owned())

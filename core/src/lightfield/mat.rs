@@ -47,7 +47,7 @@ const MI_SINGLE: u32 = 7;
 const CLASS_SINGLE: u8 = 7;
 const COMPLEX: u8 = 0x08;
 
-/// Refuses, with the way out, what [`open`] cannot read although it is a MATLAB file. `head`: the first bytes.
+/// Refuses MATLAB files that [`open`] cannot read, with advice. `head`: the first bytes.
 pub(super) fn refuse_level_73(path: &Path, head: &[u8]) -> Result<(), Error> {
     let hdf5 = head.starts_with(MAGIC_HDF5) || head.get(512..).is_some_and(|h| h.starts_with(MAGIC_HDF5));
     if hdf5 || head.starts_with(MAGIC_73) {
@@ -69,7 +69,7 @@ struct Array {
     bytes: u64,
 }
 
-/// Where an element stands in the file.
+/// Position of an element in the file.
 #[derive(Debug, Clone, Copy)]
 struct Place {
     start: u64,
@@ -281,7 +281,7 @@ fn read_array_header(from: &mut dyn Read, big: bool) -> std::io::Result<Array> {
     Ok(Array { name, class: flags as u8, complex: (flags >> 8) as u8 & COMPLEX != 0, dims, stored, bytes })
 }
 
-/// The value that stands for 1.0 in an array of this class. MATLAB may store its numbers in a smaller type.
+/// The value that represents 1.0 in an array of this class. MATLAB may store its numbers in a smaller type.
 fn full_scale(class: u8) -> Option<f32> {
     match class {
         6 | CLASS_SINGLE => Some(1.0),

@@ -48,7 +48,7 @@ pub struct Meta {
 }
 
 impl Meta {
-    /// A light field of `views` (rows, columns) of `size` (height, width), without optional facts.
+    /// A light field of `views` (rows, columns) of `size` (height, width) pixels; optional fields are empty.
     ///
     /// ```
     /// use lenslet_core::lightfield::{ColourSpace, Meta};

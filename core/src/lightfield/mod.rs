@@ -1,4 +1,4 @@
-//! The light field on disk and in memory: our directory, .npy, and the formats of other tools.
+//! The light field on disk and in memory: lenslet's directory, .npy, and the formats of other tools.
 //!
 //! [`LightField::open`] and [`LightField::save`] read and write whole ones; [`load`] takes options and a limit on the
 //! size. [`create`] gives a [`ViewSink`] and [`open`] a [`ViewSource`], which take and give one view at a time.

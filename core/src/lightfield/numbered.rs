@@ -1,8 +1,8 @@
-//! Folders of numbered pictures, one a view, as other tools leave them: `view_3_5.png`, `input_Cam042.png`,
+//! Folders of numbered pictures, one per view, as other tools leave them: `view_3_5.png`, `input_Cam042.png`,
 //! `IMG_0001_017_02_04.png` and the like.
 //!
-//! Of the numbers in the names, those that are the same everywhere do not count. The last two that together name every
-//! place of a full grid exactly once are row and column, whatever their first value; a single number runs row by row.
+//! Numbers that are the same in all names are ignored. The last two numbers that together name every place of a full
+//! grid exactly once are row and column, whatever their first value; a single number counts row by row.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -141,7 +141,7 @@ fn arrange_names(names: Vec<String>, wanted: Option<[usize; 2]>) -> Result<([usi
     Ok((views, group.into_iter().map(|(_, name)| name).collect()))
 }
 
-/// Why several numbers in the names give no full grid; the last two are taken for row and column.
+/// Why several numbers in the names give no full grid; the last two are read as row and column.
 fn describe_gap(pattern: &str, distinct: &[BTreeSet<u64>], varying: &[usize], group: &[(Vec<u64>, String)]) -> String {
     let [.., i, j] = *varying else { return format!("the names {pattern} do not say row and column") };
     let there: BTreeSet<(u64, u64)> = group.iter().map(|(n, _)| (n[i], n[j])).collect();

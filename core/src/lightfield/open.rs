@@ -11,7 +11,7 @@ use super::meta::Meta;
 use super::view_io::{ViewSink, ViewSource};
 use super::{directory, eslf, mat, npy, numbered, single};
 
-/// Bytes that [`load`] takes at most when its options say nothing.
+/// Largest light field, bytes as f32, that [`load`] reads when its options give no limit.
 /// Source: chosen.
 const MAX_BYTES: u64 = 8 << 30;
 
@@ -47,11 +47,11 @@ pub fn create(path: &Path, meta: Meta, format: Format, force: bool) -> Result<Bo
     })
 }
 
-/// Opens a light field: our directory, a folder of numbered pictures, a .npy of 2 to 5 dimensions, a MATLAB file, a
-/// lenslet picture (with `options.views`), or a single picture as a light field of one view.
+/// Opens a light field: lenslet's directory, a folder of numbered pictures, a .npy of 2 to 5 dimensions, a MATLAB file,
+/// a lenslet picture (with `options.views`), or a single picture as a light field of one view.
 ///
 /// # Errors
-/// When nothing readable is there, or its parts contradict each other.
+/// When `path` is no readable light field, or its parts contradict each other.
 pub fn open(path: &Path, options: &ReadOptions) -> Result<Box<dyn ViewSource>, Error> {
     let what = std::fs::metadata(path).map_err(io_at(path))?;
     if what.is_dir() {
@@ -134,8 +134,8 @@ impl LightField {
         load(path.as_ref(), &ReadOptions::default())
     }
 
-    /// Writes the light field in the format that the ending asks for ([`Format::of_name`]): .npy, .mat, .png (ESLF),
-    /// else our directory.
+    /// Writes the light field in the format given by the ending ([`Format::of_name`]): .npy, .mat, .png (ESLF), else
+    /// lenslet's directory.
     ///
     /// # Errors
     /// When `path` exists or cannot be written, or `meta` is out of range or does not fit the data.

@@ -1,4 +1,4 @@
-//! How the views of a light field were made, as `lightfield.json` says it.
+//! How the views of a light field were made, as recorded in `lightfield.json`.
 
 use std::fmt;
 

@@ -7,7 +7,7 @@ pub(super) struct SampleFormat {
     pub(super) big_endian: bool,
 }
 
-/// What a stored number is.
+/// The type of a stored number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum SampleKind {
     U8,
@@ -31,7 +31,7 @@ impl SampleKind {
         }
     }
 
-    /// The value that stands for 1.0: the largest one of an unsigned integer, 1 of floating point.
+    /// The value that represents 1.0: the largest one of an unsigned integer, 1 of floating point.
     /// None where no convention exists.
     pub(super) fn full_scale(self) -> Option<f32> {
         match self {

@@ -1,5 +1,5 @@
-//! One view (sub-aperture image), with its colour space in its type: what is in linear light cannot be taken for what
-//! is encoded, nor the other way round.
+//! One view (sub-aperture image), with its colour space in its type, so that linear and encoded values cannot be mixed
+//! up.
 
 use std::marker::PhantomData;
 
@@ -101,7 +101,7 @@ impl<S: Encoding> View<S> {
 }
 
 impl View<Linear> {
-    /// The view as a screen shows it. Values outside 0..1 are cut, NaN becomes 0; within 2e-6 of the curve.
+    /// The view encoded for a screen (sRGB). Values are clamped to 0..1, NaN becomes 0; within 2e-6 of the curve.
     #[must_use]
     pub fn encode(&self) -> View<Srgb> {
         View::new(encode_srgb(&self.pixels))
@@ -109,7 +109,7 @@ impl View<Linear> {
 }
 
 impl View<Srgb> {
-    /// The view in linear light. Values are not cut.
+    /// The view in linear light. Values are not clamped.
     #[must_use]
     pub fn decode(&self) -> View<Linear> {
         View::new(self.pixels.mapv(srgb_decode))

@@ -14,7 +14,7 @@ pub trait ViewSink: Send {
     /// # Errors
     /// When the view cannot be encoded or written.
     fn write(&mut self, v: usize, u: usize, view: &Array3<f32>) -> Result<(), Error>;
-    /// The folder under its temporary name, for companions of the views; none where the light field is a single file.
+    /// The folder under its temporary name, for files beside the views; `None` where the light field is a single file.
     fn folder(&self) -> Option<&Path> {
         None
     }

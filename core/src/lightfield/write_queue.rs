@@ -21,7 +21,7 @@ pub(super) struct WriteQueue {
 }
 
 impl WriteQueue {
-    /// At most two jobs a thread wait at any time.
+    /// At most two jobs per thread wait at any time.
     pub(super) fn new() -> Self {
         WriteQueue { shared: Arc::default(), bound: 2 * rayon::current_num_threads() }
     }
@@ -72,7 +72,7 @@ impl WriteQueue {
     }
 }
 
-/// Counts a job out, also when it panics.
+/// Marks a job as finished when dropped, also when the job panics.
 struct Ticket(Arc<(Mutex<State>, Condvar)>);
 
 impl Drop for Ticket {
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn a_failure_is_told() {
+    fn a_failure_is_reported() {
         let queue = WriteQueue::new();
         queue.submit(|| Err(Error::Parameter("no".into()))).unwrap();
         assert!(matches!(queue.wait(), Err(Error::Parameter(_))));

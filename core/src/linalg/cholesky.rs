@@ -1,4 +1,4 @@
-//! Symmetric positive definite systems by Cholesky's factor A = L·Lᵀ, ridge and least squares on top of it.
+//! Symmetric positive definite systems by the Cholesky factor A = L·Lᵀ; ridge and least squares by means of it.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt;
@@ -28,7 +28,8 @@ impl<T: Real> Cholesky<T> {
     /// Factors a symmetric matrix, of which the lower triangle alone is read.
     ///
     /// # Errors
-    /// [`Error::NotPositiveDefinite`]; a pivot below 1e-13 times its diagonal entry (2e-6 for f32) counts as none.
+    /// [`Error::NotPositiveDefinite`]; a pivot below 1e-13 times its diagonal entry (2e-6 for f32) counts as not
+    /// positive.
     ///
     /// # Panics
     /// When the matrix is not square.

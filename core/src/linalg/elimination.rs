@@ -44,8 +44,8 @@ pub fn solve_small<const N: usize>(mut matrix: [[f64; N]; N], mut right: [f64; N
     x.iter().all(|v| v.is_finite()).then_some(x)
 }
 
-/// Reduces the rows of `system` = [A | B], A being n×n with n the number of rows, so that their entries from n on become
-/// A⁻¹B; the first n are scratch. `None` when the size of a pivot is below `least` or not a number.
+/// Reduces the rows of `system` = [A | B], A being n×n with n the number of rows, so that their entries from n on
+/// become A⁻¹B; the first n are scratch. `None` when the magnitude of a pivot is below `least` or not a number.
 ///
 /// ```
 /// use lenslet_core::linalg::gauss_jordan;
@@ -83,7 +83,7 @@ pub fn gauss_jordan<R: AsRef<[f64]> + AsMut<[f64]>>(system: &mut [R], least: f64
 }
 
 /// Reduces `system` = [A | B], n rows of `columns` values, so that its columns from n on become A⁻¹B; the first n are
-/// scratch. `None` when the size of a pivot is below `least`.
+/// scratch. `None` when the magnitude of a pivot is below `least`.
 ///
 /// ```
 /// use lenslet_core::linalg::gauss_with_back_substitution;

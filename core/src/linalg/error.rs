@@ -1,6 +1,6 @@
-//! What goes wrong in the decompositions.
+//! Errors of the decompositions.
 
-/// A matrix that the asked-for decomposition does not exist for.
+/// A matrix that does not have the requested decomposition.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {

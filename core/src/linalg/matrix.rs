@@ -1,13 +1,13 @@
-//! ndarray matrices seen as faer's, without a copy where their rows or columns are contiguous.
+//! ndarray matrices as faer matrices, without a copy where their rows or columns are contiguous.
 
 use std::borrow::Cow;
 
 use faer::{Mat, MatRef};
 use ndarray::{Array2, ArrayView2};
 
-/// The numbers that matrices here hold: f32 and f64.
+/// The element types of matrices: f32 and f64.
 pub trait Real: faer::traits::RealField + ndarray::NdFloat {
-    /// A pivot below this share of its diagonal entry is rounding.
+    /// A pivot below this share of its diagonal entry counts as rounding error.
     const LEAST_PIVOT: Self;
 }
 impl Real for f32 {
@@ -37,7 +37,7 @@ impl<'a, T: Real> Stored<'a, T> {
         }
     }
 
-    /// The matrix as faer sees it.
+    /// The matrix as a view of faer's.
     pub fn view(&self) -> MatRef<'_, T> {
         let (rows, columns) = self.shape;
         if self.by_rows {

@@ -9,8 +9,8 @@
 //! | small systems without structure | [`solve_small`] and its two variants for many right-hand sides |
 //!
 //! Threads are an argument ([`Par`]) of the products alone; the decompositions run on the calling thread. Use
-//! [`Par::Seq`] inside parallel loops and wherever results must not depend on the number of threads: a product's last
-//! bits may. All of it may differ in the last bits between processors, whose vector widths faer picks at run time.
+//! [`Par::Seq`] inside parallel loops and wherever results must not depend on the number of threads: the last bits of a
+//! product may. All results may differ in the last bits between processors: faer chooses the vector width at run time.
 
 mod cholesky;
 mod decomposition;

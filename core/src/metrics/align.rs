@@ -13,10 +13,10 @@ use crate::sampling::bicubic::bicubic_at;
 /// Smallest side of the coarsest level, pixels.
 /// Source: chosen.
 const COARSEST: usize = 48;
-/// Gauss-Newton steps a level at most.
+/// Gauss-Newton steps per level at most.
 /// Source: chosen; a handful is usual.
 const STEPS: usize = 30;
-/// Rows a job; fixed, so that sums do not depend on the number of threads.
+/// Rows per job; fixed, so that sums do not depend on the number of threads.
 /// Source: chosen.
 const BAND: usize = 16;
 /// A smaller pivot of the normal equations means that the picture does not determine the map.

@@ -7,7 +7,7 @@ use super::psnr::psnr;
 use crate::sampling::bicubic::bicubic_at;
 
 /// PSNR in dB of `other`, warped by `disparity`, against `centre` (both (t, s, c)), `border` pixels left out on each
-/// side. `disparity` (t, s) is in pixels a view step, `steps` (u, v) the number of views that `other` is to the right
+/// side. `disparity` (t, s) is in pixels per view step, `steps` (u, v) the number of views that `other` is to the right
 /// of and below `centre`. Only for scenes without occlusions.
 ///
 /// # Errors

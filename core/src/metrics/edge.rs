@@ -6,7 +6,7 @@
 
 use ndarray::ArrayView2;
 
-/// Bins a pixel.
+/// Bins per pixel.
 /// Source: ISO 12233.
 const OVERSAMPLING: f64 = 4.0;
 /// Half the width of the profile around the edge, pixels, at most.
@@ -16,10 +16,11 @@ const REACH: f64 = 16.0;
 /// Source: chosen.
 const LEAST_CONTRAST: f64 = 0.02;
 
-/// What a straight edge shows.
+/// Sharpness, jaggedness and contrast of a straight edge.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Edge {
-    /// Frequency at which the MTF falls to one half, cycles a pixel; NaN if it does not below one half cycle a pixel.
+    /// Frequency at which the MTF falls to one half, cycles per pixel; NaN if it stays above up to 0.5 cycles per
+    /// pixel.
     pub mtf50: f64,
     /// RMS distance of the rows' edge positions from the straight line, pixels.
     pub jaggedness: f64,
@@ -34,7 +35,7 @@ pub struct Edge {
 /// use lenslet_core::metrics::slanted_edge;
 /// use ndarray::Array2;
 ///
-/// // A ramp of 4 pixels: the MTF |sin(4πf)/(4πf)| is one half at 0.151 cycles a pixel.
+/// // A ramp of 4 pixels: the MTF |sin(4πf)/(4πf)| is one half at 0.151 cycles per pixel.
 /// let ramp = Array2::from_shape_fn((40, 40), |(t, s)| ((s as f32 - 18.0 - 0.1 * t as f32) / 4.0).clamp(0.0, 1.0));
 /// let edge = slanted_edge(ramp.view()).unwrap();
 /// assert!((edge.mtf50 - 0.151).abs() < 0.01 && edge.jaggedness < 0.05 && edge.contrast > 0.9);
@@ -122,7 +123,7 @@ fn fit_line(positions: &[Option<f64>]) -> Option<(f64, f64)> {
     Some((mx - slope * mt, slope))
 }
 
-/// Mean value by distance across the edge, [`OVERSAMPLING`] bins a pixel; empty bins take their neighbours' mean.
+/// Mean value by distance across the edge, [`OVERSAMPLING`] bins per pixel; empty bins take their neighbours' mean.
 fn edge_profile(window: ArrayView2<f32>, line: (f64, f64)) -> Option<Vec<f64>> {
     let cosine = 1.0 / line.1.hypot(1.0);
     let reach = REACH.min(window.ncols() as f64 / 2.0 - 2.0);
@@ -148,7 +149,7 @@ fn edge_profile(window: ArrayView2<f32>, line: (f64, f64)) -> Option<Vec<f64>> {
         .collect()
 }
 
-/// First frequency, cycles a pixel, at which the MTF of an edge profile is one half.
+/// First frequency, cycles per pixel, at which the MTF of an edge profile is one half.
 fn mtf50(profile: &[f64]) -> f64 {
     let n = profile.len();
     let spread: Vec<f64> = (1..n - 1)
@@ -168,7 +169,7 @@ fn mtf50(profile: &[f64]) -> f64 {
         let (re, im) = spread.iter().enumerate().fold((0.0, 0.0), |(re, im), (i, &x)| {
             (re + x * (omega * i as f64).cos(), im + x * (omega * i as f64).sin())
         });
-        // The difference over two bins is a low-pass of its own; undone here.
+        // The difference over two bins is also a low-pass filter; its response is divided out.
         let now = re.hypot(im) / total.abs() * omega / omega.sin();
         if now < 0.5 {
             return frequency - step * (0.5 - now) / (before - now);
@@ -183,9 +184,9 @@ mod tests {
     use super::*;
     use ndarray::Array2;
 
-    /// An edge leaning by `slope` columns a row, blurred by a Gaussian, each row displaced by `shift(row)`.
+    /// An edge leaning by `slope` columns per row, blurred by a Gaussian, each row displaced by `shift(row)`.
     fn edge(slope: f64, sigma: f64, shift: impl Fn(usize) -> f64) -> Array2<f32> {
-        // The logistic curve with 1.702 stands for the Gaussian's integral to within 0.01; a sum is exact enough.
+        // The logistic curve with 1.702 approximates the Gaussian's integral to within 0.01.
         let integral = |x: f64| {
             let n = 400;
             let (low, width) = (-6.0, (x / sigma + 6.0).max(0.0));

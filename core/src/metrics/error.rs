@@ -1,4 +1,4 @@
-//! What cannot be scored.
+//! Errors of scoring.
 
 /// Why two pictures cannot be scored.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

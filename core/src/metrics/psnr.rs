@@ -24,7 +24,7 @@ pub fn mean_squared_error<D: Dimension>(result: ArrayView<f32, D>, reference: Ar
         return Err(Error::Shape { result: result.shape().to_vec(), reference: reference.shape().to_vec() });
     }
     let mut sum = 0.0;
-    // One partial sum a row keeps the rounding error independent of the picture's size.
+    // One partial sum per row keeps the rounding error independent of the picture's size.
     let last = Axis(result.ndim().saturating_sub(1));
     for (a, b) in result.lanes(last).into_iter().zip(reference.lanes(last)) {
         let row: f64 = a.iter().zip(b).map(|(&x, &y)| (f64::from(x) - f64::from(y)).powi(2)).sum();

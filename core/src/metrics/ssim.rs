@@ -2,7 +2,7 @@
 //! `(2 μx μy + C1)(2 σxy + C2) / ((μx² + μy² + C1)(σx² + σy² + C2))` over all windows that lie inside the picture,
 //! `C1 = 0.01²`, `C2 = 0.03²` for values 0..1.
 //!
-//! The same as scikit-image's `structural_similarity(x, y, data_range=1, …)`; [`SsimWindow`] names its settings.
+//! The same as scikit-image's `structural_similarity(x, y, data_range=1, …)`; [`SsimWindow`] lists the other arguments.
 
 use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
@@ -15,7 +15,7 @@ const C1: f64 = 0.01 * 0.01;
 /// Stabilises the contrast term, for values 0..1.
 /// Source: the paper, (K₂L)² with K₂ = 0.03.
 const C2: f64 = 0.03 * 0.03;
-/// Rows a job; fixed, so that sums do not depend on the number of threads.
+/// Rows per job; fixed, so that sums do not depend on the number of threads.
 /// Source: chosen.
 const BAND: usize = 32;
 

@@ -7,7 +7,7 @@ use super::ssim::SsimWindow;
 
 /// Pixels left out on each side of a view when it is scored or trained on: there the lattice of lenslets ends, and
 /// interpolation has samples on one side only.
-/// Source: chosen; between three and four lenslet pitches of an F01 at 1080 pixels a view.
+/// Source: chosen; between three and four lenslet pitches of an F01 at 1080 pixels per view.
 pub const BORDER: usize = 12;
 
 /// What of two pictures is compared, and how.

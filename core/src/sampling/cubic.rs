@@ -1,8 +1,8 @@
 //! A cubic C¹ surface through the samples: Clough and Tocher's split triangles, a stronger baseline than section 4.2.
 //!
-//! On every triangle of the triangulation stand three cubics (the triangle split at its centroid) that meet with equal
-//! slope, take the samples' values and slopes at the corners, and whose slope across an edge runs linearly along it; so
-//! neighbouring triangles meet with equal slope too. Value and slopes enter linearly: a pixel has nine weights.
+//! Every triangle of the triangulation is split at its centroid into three cubics that meet with equal slope and take
+//! the samples' values and slopes at the corners. The slope across an edge varies linearly along it, so neighbouring
+//! triangles meet with equal slope too. Values and slopes enter linearly: a pixel has nine weights.
 
 use ndarray::{Array3, ArrayView2};
 use rayon::prelude::*;
@@ -45,7 +45,8 @@ impl Cubic {
     /// let centres = Lattice::hexagonal(3.3, 0.0, 1.0, [1.0, 1.0]).points_within(size, 0.0).centres;
     /// let surface = Cubic::new(&centres, (30, 24), (30, 24))?;
     /// // Planes are reproduced.
-    /// let values = ndarray::Array2::from_shape_fn((centres.len(), 1), |(k, _)| (centres[k][0] - centres[k][1]) as f32);
+    /// let values =
+    ///     ndarray::Array2::from_shape_fn((centres.len(), 1), |(k, _)| (centres[k][0] - centres[k][1]) as f32);
     /// assert!((surface.apply(values.view())?[[10, 14, 0]] - 4.0).abs() < 1e-4);
     /// # Ok::<(), lenslet_core::sampling::Error>(())
     /// ```
@@ -103,7 +104,7 @@ impl Cubic {
     /// Channels `first..first + C` of the output, whose pixels are `channels` values apart.
     fn gather<const C: usize>(&self, values: ArrayView2<'_, f32>, first: usize, out: &mut [f32], channels: usize) {
         let value: Vec<[f32; C]> = values.rows().into_iter().map(|r| std::array::from_fn(|c| r[first + c])).collect();
-        // Value, d/dx and d/dy side by side, so that one lenslet is one read.
+        // Value, d/dx and d/dy are stored together, so that each lenslet takes one memory read.
         let jet: Vec<[[f32; C]; 3]> = (0..self.samples)
             .into_par_iter()
             .with_min_len(1024)
@@ -163,11 +164,11 @@ struct Patch {
     corner: [Form; 3],
     /// `edge[i][0]`, `edge[i][1]`: on the edge opposite corner i, near its first (i+1) and second (i+2) end.
     edge: [[Form; 2]; 3],
-    /// On the way from corner n to the centroid, one third along.
+    /// One third of the way from corner n to the centroid.
     spoke: [Form; 3],
     /// The inner ordinate of the part opposite corner i.
     inner: [Form; 3],
-    /// Two thirds along the way from corner n to the centroid.
+    /// Two thirds of the way from corner n to the centroid.
     hub: [Form; 3],
     centre: Form,
 }

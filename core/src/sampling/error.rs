@@ -1,11 +1,11 @@
-//! What goes wrong in sampling, and the size that pictures may have.
+//! Errors of sampling, and the largest size of a picture.
 
 use crate::geometry::TriangulationError;
 
 /// Largest number of output pixels one table or view may have (a 16384×16384 view).
 pub const MAX_PIXELS: usize = 1 << 28;
 
-/// What goes wrong in sampling; all of it is the caller's input.
+/// Errors of sampling; each is caused by the caller's input.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -15,7 +15,7 @@ pub enum Error {
     /// The centres cannot be triangulated.
     #[error(transparent)]
     Triangulation(#[from] TriangulationError),
-    /// An image or grid size that cannot be.
+    /// An image or grid size out of range.
     #[error("{what} {width}x{height} is out of range (1x1 up to {max} pixels)")]
     Size {
         /// Which one.
@@ -27,7 +27,7 @@ pub enum Error {
         /// The most pixels it may have.
         max: usize,
     },
-    /// Arrays that do not belong together.
+    /// Arrays whose shapes do not fit each other.
     #[error("{0}")]
     Shape(String),
     /// A parameter out of range.

@@ -1,4 +1,4 @@
-//! Hexagonal sampling of ordinary images (paper section 4.4: values dropped at a triangular grid's points).
+//! Hexagonal sampling of ordinary images (paper section 4.4: values taken at the points of a triangular grid).
 
 use std::f64::consts::PI;
 
@@ -11,24 +11,25 @@ use crate::geometry::{Lattice, LatticePoints, Size};
 use crate::image::{Cell, bilinear_by_differences};
 
 /// Pitch of a Lytro's lattice in pixels of its 1080-pixel view.
-/// Source: 328 lenslets a row of that view.
+/// Source: 328 lenslets per row of that view.
 pub const DEFAULT_PITCH: f64 = 1080.0 / 328.0;
 /// Rotation of the lattice against the rows, radians, typical of this camera.
 /// Source: chosen
 pub const DEFAULT_ROTATION: f64 = 0.002;
 
-/// How much of the image one sample sees.
+/// The part of the image that one sample covers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Footprint {
     /// The image interpolated (bicubic) at the centre.
     Point,
-    /// The image interpolated bilinearly at the centre: a point seen through one pixel's width.
+    /// The image interpolated bilinearly at the centre, which averages over about one pixel.
     Bilinear,
     /// The mean over a disc of this diameter (pixels): one pitch for a lenslet.
     Disc(f64),
 }
 
-/// Every point of a lattice in a picture of `width`×`height` pixels: 0 ≤ x ≤ width−1 and 0 ≤ y ≤ height−1, sorted by (j, i).
+/// Every point of a lattice in a picture of `width`×`height` pixels: 0 ≤ x ≤ width−1 and 0 ≤ y ≤ height−1, sorted by
+/// (j, i).
 ///
 /// # Errors
 /// A size out of range; a lattice that is degenerate, or finer than half a pixel.
@@ -119,8 +120,9 @@ fn add_bilinear(image: ArrayView3<'_, f32>, x: f64, y: f64, sums: &mut [f64]) {
     }
 }
 
-/// Hexagonal sampling of an image in one call: `image` (t, s, c) sampled on a hexagonal lattice of `pitch` pixels and `rotation` radians whose
-/// origin stands `phase` (fractions of the two lattice vectors) from the image's centre.
+/// Hexagonal sampling of an image in one call: `image` (t, s, c) sampled on a hexagonal lattice of `pitch` pixels and
+/// `rotation` radians, whose origin is displaced from the image's centre by `phase` (fractions of the two lattice
+/// vectors). Returns the points and their values, shape (points, channels).
 ///
 /// # Errors
 /// As [`lattice_points_in`] and [`sample_image`]; a pitch outside 1 … 1000 or a rotation beyond ±π.

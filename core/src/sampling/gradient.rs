@@ -1,7 +1,8 @@
 //! Gradients at scattered samples: the slope of the smoothest surface through each sample's neighbourhood.
 //!
-//! Objective, for each centre: of all surfaces through its neighbours that minimise the polyharmonic energy of φ(r) = r³
-//! and reproduce planes, take the slope at the centre. It is linear in the values, so each centre gets a fixed stencil.
+//! Objective, for each centre: of all surfaces through its neighbours that minimise the polyharmonic energy of φ(r) =
+//! r³ and reproduce planes, take the slope at the centre. It is linear in the values, so each centre gets a fixed
+//! stencil.
 
 use rayon::prelude::*;
 
@@ -10,7 +11,7 @@ use crate::linalg::gauss_with_back_substitution;
 /// Neighbours within this many mean edge lengths take part: two rings of a hexagonal lattice.
 /// Source: chosen, the second ring reaches to 2.
 const REACH: f64 = 2.1;
-/// At most so many neighbours (the nearest): bounds the work where centres crowd.
+/// Largest number of neighbours used (the nearest); bounds the work where centres are dense.
 /// Source: chosen, two rings have 18.
 const MOST: usize = 24;
 /// A smaller pivot means neighbours on one line; offsets are in units of the spacing.

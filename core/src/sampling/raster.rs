@@ -7,11 +7,11 @@ use crate::geometry::Triangulation;
 /// Rows of one band; bands are drawn independently.
 /// Source: chosen; results do not depend on it.
 const BAND: usize = 32;
-/// How far outside a triangle (in barycentric weight) a pixel on an edge may seem to be by rounding.
+/// Tolerance, in barycentric weight, by which rounding may put a pixel on an edge outside its triangle.
 /// Source: chosen, far above the rounding of f64.
 const EDGE: f64 = 1e-9;
 
-/// Three vertices and their weights (≥ 0, sum 1); `index[0] == u32::MAX` marks a pixel no triangle holds.
+/// Three vertices and their weights (≥ 0, sum 1); `index[0] == u32::MAX` marks a pixel outside all triangles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Entry {
     pub index: [u32; 3],

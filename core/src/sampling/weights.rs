@@ -58,7 +58,7 @@ impl Weights {
         (self.width, self.height)
     }
 
-    /// How many samples the table refers to.
+    /// Number of samples the table refers to.
     pub fn samples(&self) -> usize {
         self.samples
     }
@@ -141,7 +141,7 @@ impl Outline {
         let ends = || edges.iter().flatten().map(|&v| points[v as usize]);
         let low = ends().fold([f64::INFINITY; 2], |m, p| [m[0].min(p[0]), m[1].min(p[1])]);
         let high = ends().fold([f64::NEG_INFINITY; 2], |m, p| [m[0].max(p[0]), m[1].max(p[1])]);
-        // About as many cells along a side as a quarter of the edges: a handful of edges a border cell.
+        // A quarter as many cells along the longer side as there are edges, so that a border cell holds a few edges.
         let extent = (high[0] - low[0]).max(high[1] - low[1]).max(1e-9);
         let cell = extent / (edges.len() as f64 / 4.0).clamp(1.0, 512.0);
         let count = |k: usize| ((high[k] - low[k]) / cell) as usize + 1;
@@ -163,10 +163,11 @@ impl Outline {
     fn nearest(&self, points: &[[f64; 2]], x: f64, y: f64) -> Entry {
         let at = |v: f64, k: usize, n: usize| (((v - self.origin[k]) / self.cell).max(0.0) as usize).min(n - 1);
         let (cx, cy) = (at(x, 0, self.columns), at(y, 1, self.rows));
-        // The cell is clamped to the grid: how far the pixel stands from it adds to nothing that a ring promises.
+        // The cell is clamped to the grid. For a pixel outside the grid the bound below is still valid, only less
+        // tight.
         let mut best = (f64::INFINITY, u32::MAX, 0.0);
         for ring in 0..self.columns.max(self.rows) {
-            // Everything not yet seen lies outside a square of (ring − 1) whole cells around the pixel's cell.
+            // Edges not yet visited lie outside a square of (ring − 1) whole cells around the pixel's cell.
             if best.0.sqrt() <= (ring as f64 - 1.0) * self.cell {
                 break;
             }

@@ -18,18 +18,19 @@ pub struct Codes {
     pub values: Vec<f32>,
     /// Duality gap of each signal (absolute, in f64); NaN for OMP.
     pub gaps: Vec<f64>,
-    /// λ of each signal as it stands in the objective (0 for OMP).
+    /// λ of each signal in the objective (0 for OMP).
     pub lambdas: Vec<f32>,
     /// Iterations of each signal.
     pub iterations: Vec<u32>,
-    /// How each ended.
+    /// How the solve of each signal ended.
     pub ended: Vec<Ended>,
-    /// Signals the f32 active set left to the f64 one (ill-conditioned supports, tight tolerances).
+    /// Number of signals that the f64 active set solved after the f32 one had failed (ill-conditioned supports, tight
+    /// tolerances).
     pub redone_in_f64: usize,
 }
 
 impl Codes {
-    /// No signals yet, with room for so many that have so many entries together.
+    /// No signals yet; capacity for `signals` signals with `entries` entries in total.
     pub(crate) fn with_room(signals: usize, entries: usize) -> Codes {
         let mut indptr = Vec::with_capacity(signals + 1);
         indptr.push(0);
@@ -45,7 +46,7 @@ impl Codes {
         }
     }
 
-    /// Appends one signal's code, `entries` in any order, atoms by their number inside; zeros are left out.
+    /// Appends one signal's code, `entries` in any order, atoms by their internal number; zeros are left out.
     pub(crate) fn push_unsorted(&mut self, dictionary: &Prepared, entries: &mut [(u32, f32)], finished: &Finished) {
         for entry in entries.iter_mut() {
             entry.0 = dictionary.outside(entry.0);
@@ -54,7 +55,7 @@ impl Codes {
         self.push_sorted(entries, finished);
     }
 
-    /// Appends one signal's code, atoms by their number outside and ascending; zeros are left out.
+    /// Appends one signal's code, atoms by the caller's numbers, ascending; zeros are left out.
     pub(crate) fn push_sorted(&mut self, entries: &[(u32, f32)], finished: &Finished) {
         if entries.iter().all(|e| e.1 != 0.0) {
             self.atoms.extend(entries.iter().map(|e| e.0));
@@ -113,7 +114,7 @@ impl Codes {
         self.values.len()
     }
 
-    /// Mean number of non-zeros a signal (0 without signals).
+    /// Mean number of non-zeros per signal (0 without signals).
     pub fn mean_nonzeros(&self) -> f64 {
         if self.is_empty() { 0.0 } else { self.nonzeros() as f64 / self.len() as f64 }
     }
@@ -132,7 +133,7 @@ impl Codes {
     /// high-resolution twin of a coupled dictionary the reconstructed patches.
     ///
     /// # Errors
-    /// [`Error::Shape`] for a code that names an atom `other` does not have.
+    /// [`Error::Shape`] for a code with an atom that `other` does not have.
     ///
     /// ```
     /// use lenslet_core::sparse::{self, Options, Penalty};
@@ -219,7 +220,7 @@ impl Codes {
     /// The codes as a dense N×K matrix (for small sets and tests).
     ///
     /// # Errors
-    /// A code that names an atom at or beyond `atom_count`, or a matrix beyond 2³¹ values.
+    /// [`Error::Shape`] for a code with an atom at or beyond `atom_count`, or a matrix of more than 2³¹ values.
     pub fn to_dense(&self, atom_count: usize) -> Result<Array2<f32>, Error> {
         if self.len().checked_mul(atom_count).is_none_or(|size| size > 1 << 31) {
             return Err(Error::Shape(format!("{} × {atom_count} codes are too many to lay out densely", self.len())));

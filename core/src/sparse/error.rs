@@ -1,15 +1,15 @@
-//! What goes wrong in sparse coding.
+//! Errors of sparse coding.
 
-/// What goes wrong in sparse coding.
+/// Errors of sparse coding; each is caused by the caller's input.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// An input has a NaN or an infinity.
     #[error("{what}: a value is not finite (row {row})")]
     NotFinite {
-        /// Which input.
+        /// Name of the input.
         what: &'static str,
-        /// Which row.
+        /// Row of the value, from 0.
         row: usize,
     },
     /// Shapes do not fit.

@@ -1,5 +1,5 @@
-//! Each signal observed in its own way: min over φ of ½‖S(y − Dᵀφ)‖² + λ‖φ‖₁, S a diagonal √W (weights, masks) or any
-//! matrix.
+//! Sparse coding of signals that are weighted, masked or sampled, each differently: min over φ of ½‖S(y − Dᵀφ)‖² +
+//! λ‖φ‖₁, S a diagonal √W (weights, masks) or any matrix.
 //!
 //! With S differing from signal to signal no Gram matrix can be shared; the f64 active set works from residuals. The
 //! certificates are those of [`super::solve`], for this objective.
@@ -21,11 +21,11 @@ use super::solver::Solver;
 const BLOCK: usize = 64;
 
 /// Solves min ½ Σ_i w_i (y − Dᵀφ)_i² + λ‖φ‖₁ for every row y of `signals` and w of `weights` (both N×m, weights at
-/// least 0; 0 hides a value, whatever finite number stands there). In f64.
+/// least 0; a value of weight 0 is ignored, but must be finite). In f64.
 ///
 /// # Errors
 /// Non-finite signals or weights, negative weights, shapes that do not fit, parameters out of range, a solver other
-/// than `Auto` or `ActiveSet`, a number of non-zeros.
+/// than `Auto` or `ActiveSet`, a penalty that is a number of non-zeros.
 ///
 /// ```
 /// use lenslet_core::sparse::{self, Options, Penalty};

@@ -1,15 +1,15 @@
 //! Sparse coding: min over φ of ½‖y − Dᵀφ‖² + λ‖φ‖₁ for millions of small problems, every answer with its duality gap.
 //!
-//! Scaling: ½ on the data term, no 1/n, atoms of unit norm. `D` is K×m (one atom a row, as in scikit-learn), signals
-//! are N×m (one a row). [`prepare`] a dictionary once, then [`solve`] any number of signals; every solver has the same
-//! signature and gives the same [`Codes`]. Answers do not depend on the number of threads, nor on the order of the
-//! signals, nor on the processor.
+//! Scaling: ½ on the data term, no 1/n, atoms of unit norm. `D` is K×m (one atom per row, as in scikit-learn), signals
+//! are N×m (one per row). [`prepare`] a dictionary once, then [`solve`] any number of signals; every solver has the
+//! same signature and result type, [`Codes`]. Results do not depend on the number of threads, the order of the signals,
+//! or the processor.
 //!
 //! | function | objective |
 //! |---|---|
 //! | [`solve`] | ½‖y − Dᵀφ‖² + λ‖φ‖₁, or at most T non-zeros |
-//! | [`solve_weighted`] | ½ Σ w_i (y − Dᵀφ)_i² + λ‖φ‖₁, weights of each signal's own |
-//! | [`solve_sampled`] | ½‖y − S Dᵀφ‖² + λ‖φ‖₁, a sampling matrix of each signal's own |
+//! | [`solve_weighted`] | ½ Σ w_i (y − Dᵀφ)_i² + λ‖φ‖₁, weights for each signal |
+//! | [`solve_sampled`] | ½‖y − S Dᵀφ‖² + λ‖φ‖₁, a sampling matrix for each signal |
 //! | [`homotopy_path`] | the minimisers for all λ |
 //!
 //! The layers, each above the next: `solve` and `masked` (checks, blocks of signals) → `options`, `solver` →

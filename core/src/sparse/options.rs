@@ -11,7 +11,8 @@ pub struct Options {
     pub solver: Solver,
     /// Penalty. Default: λ = 0.1.
     pub penalty: Penalty,
-    /// Stop when the duality gap is at most `tolerance`·½‖y‖²; at least 0. Default 1e-6, about where f32 codes end.
+    /// Stop when the duality gap is at most `tolerance`·½‖y‖²; at least 0. Default 1e-6, about the accuracy of f32
+    /// codes.
     pub tolerance: f64,
     /// Most iterations (rounds, sweeps, knots) a signal; at least 1. Default 10,000.
     pub max_iterations: usize,
@@ -32,7 +33,7 @@ impl Default for Options {
 }
 
 impl Options {
-    /// Refuses values out of range, and a penalty that the solver cannot take. Every solve begins with it.
+    /// Refuses values out of range, and a penalty that the solver does not support. Every solve begins with this check.
     ///
     /// # Errors
     /// [`Error::Parameter`].
@@ -63,7 +64,7 @@ impl Options {
         Ok(())
     }
 
-    /// The iteration cap as counters have it.
+    /// The iteration cap as a u32.
     pub(crate) fn max_rounds(&self) -> u32 {
         u32::try_from(self.max_iterations).unwrap_or(u32::MAX)
     }

@@ -5,11 +5,11 @@ use super::error::Error;
 /// How strongly codes are penalised.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Penalty {
-    /// λ as it stands in the objective; at least 0.
+    /// λ of the objective; at least 0.
     Lambda(f32),
     /// λ as a fraction of each signal's λ_max = max |D y|, above which its code is zero; at least 0.
     FractionOfMax(f32),
-    /// At most this many non-zeros a signal (OMP, or the homotopy path stopped there).
+    /// At most this many non-zeros per signal (OMP, or the homotopy path stopped there).
     NonZeros(usize),
 }
 
@@ -24,7 +24,7 @@ impl Penalty {
         }
     }
 
-    /// The most non-zeros, where their number is what is given.
+    /// The largest number of non-zeros, where the penalty is one.
     pub(crate) fn nonzeros(self) -> Option<usize> {
         if let Penalty::NonZeros(most) = self { Some(most) } else { None }
     }

@@ -1,8 +1,8 @@
 //! A dictionary made ready for solving: atoms in padded rows and in panels for the product, and the Gram matrix G = D
 //! Dᵀ.
 //!
-//! Inside, atoms stand in another order: sixteen atoms that resemble each other fill a chunk, so that the atoms a
-//! signal needs lie in few chunks. Codes number them as the caller does.
+//! Internally, atoms have another order: sixteen atoms that resemble each other fill a chunk, so that the atoms a
+//! signal needs lie in few chunks. Codes number atoms as the caller does.
 
 use ndarray::{Array2, ArrayView2};
 
@@ -20,11 +20,11 @@ const LONGEST_SIGNAL: usize = 1 << 14;
 #[derive(Debug, Clone)]
 pub struct Prepared {
     atoms: Array2<f32>,
-    /// The place in `atoms` of each atom of the order inside, which all below follow.
+    /// The internal order, which all fields below follow: the place in `atoms` of each atom.
     order: Vec<u32>,
-    /// Atoms again, rows padded with zeros to whole chunks.
+    /// Atoms, rows padded with zeros to whole chunks.
     rows: Vec<Chunk>,
-    /// Atoms a third time, as the product reads them.
+    /// Atoms in the layout of the product.
     panels: Panels,
     /// K rows of chunks over all atoms, zero beyond K.
     gram: Vec<Chunk>,
@@ -47,12 +47,12 @@ impl Prepared {
         self.atoms.ncols()
     }
 
-    /// The instructions solving runs on: the processor's best unless changed.
+    /// The instructions that solving runs on. Default: the fastest that the processor has.
     pub fn simd(&self) -> Simd {
         self.simd
     }
 
-    /// Makes solving run on other instructions (plain ones where the processor lacks them); the answers stay the same.
+    /// Makes solving run on other instructions (plain ones where the processor lacks them); the results stay the same.
     pub fn with_simd(mut self, simd: Simd) -> Prepared {
         self.simd = simd;
         self
@@ -74,32 +74,32 @@ impl Prepared {
         &self.panels
     }
 
-    /// Inner products of atom `k` of the order inside with every atom.
+    /// Inner products of atom `k` in the internal order with every atom.
     #[inline(always)]
     pub(crate) fn gram_row(&self, k: usize) -> &[f32] {
         &flat(&self.gram[k * self.width()..(k + 1) * self.width()])[..self.atom_count()]
     }
 
-    /// The caller's number of atom `k` of the order inside.
+    /// The caller's number of atom `k` in the internal order.
     #[inline(always)]
     pub(crate) fn outside(&self, k: u32) -> u32 {
         self.order[k as usize]
     }
 
-    /// Atom `k` of the order inside, padded with zeros.
+    /// Atom `k` in the internal order, padded with zeros.
     #[inline(always)]
     pub(crate) fn padded_atom(&self, k: usize) -> &[Chunk] {
         let chunks = self.signal_len().div_ceil(16);
         &self.rows[k * chunks..(k + 1) * chunks]
     }
 
-    /// Atom `k` of the order inside.
+    /// Atom `k` in the internal order.
     #[inline(always)]
     pub(crate) fn atom(&self, k: usize) -> &[f32] {
         &flat(self.padded_atom(k))[..self.signal_len()]
     }
 
-    /// D v in f64 for all atoms, in the order inside.
+    /// D v in f64 for all atoms, in the internal order.
     pub(crate) fn correlate_f64(&self, v: &[f64], out: &mut [f64]) {
         let mut padded = v.to_vec();
         padded.resize(v.len().next_multiple_of(16), 0.0);
@@ -123,10 +123,10 @@ impl Kernel for CorrelateF64<'_> {
     }
 }
 
-/// Prepares atoms (K×m, one unit-norm atom a row; norms within 1e-3 of 1) for solving. Costs one K×K Gram matrix.
+/// Prepares atoms (K×m, one unit-norm atom per row; norms within 1e-3 of 1) for solving. Costs one K×K Gram matrix.
 ///
 /// # Errors
-/// Non-finite atoms, empty shapes, norms far from one, more than 16,384 atoms or values a signal.
+/// Non-finite atoms, empty shapes, norms far from one, more than 16,384 atoms or values per signal.
 ///
 /// ```
 /// use lenslet_core::sparse::{self, Error};
@@ -184,7 +184,7 @@ fn arrange(atoms: Array2<f32>, order: Vec<u32>) -> Prepared {
     Prepared { atoms, order, rows, panels, gram: Vec::new(), simd: Simd::best() }
 }
 
-/// Rows of `width` chunks: inner products of all atoms with all atoms, in the order inside.
+/// Rows of `width` chunks: inner products of all atoms with all atoms, in the internal order.
 fn gram(prepared: &Prepared) -> Vec<Chunk> {
     let (k, m, width) = (prepared.atom_count(), prepared.signal_len(), prepared.width());
     let mut gram = vec![Chunk::ZERO; k * width];

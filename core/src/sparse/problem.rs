@@ -1,4 +1,4 @@
-//! What the plain solvers share: one signal's problem, the scratch they work in, and how a solve ended.
+//! Types shared by the plain solvers: one signal's problem, scratch memory, and how a solve ended.
 
 use super::kernel::gap;
 use super::prepared::Prepared;
@@ -20,7 +20,7 @@ pub enum Ended {
 pub(crate) struct Finished {
     /// Duality gap (absolute); NaN for OMP.
     pub gap: f64,
-    /// The λ that the code is the answer for.
+    /// λ of the objective.
     pub lambda: f32,
     pub iterations: u32,
     pub ended: Ended,
@@ -45,7 +45,7 @@ pub(crate) struct Problem<'a> {
 }
 
 impl Problem<'_> {
-    /// The end of a solve of this problem's λ.
+    /// The end of a solve for this problem's λ.
     pub fn finished(&self, gap: f64, iterations: u32, ended: Ended) -> Finished {
         Finished { gap, lambda: self.lambda, iterations, ended }
     }

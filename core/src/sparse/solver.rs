@@ -3,7 +3,7 @@
 use super::problem::{Finished, Problem, Work};
 use super::reference::{descent, homotopy, omp, proximal};
 
-/// Which algorithm.
+/// The algorithm of a solve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Solver {
     /// [`Solver::ActiveSet`] for a λ, [`Solver::Omp`] for a number of non-zeros: the fastest exact ones at every shape
@@ -78,7 +78,7 @@ impl Solver {
         matches!(self, Solver::Auto | Solver::Omp | Solver::Homotopy)
     }
 
-    /// The solver that [`Solver::Auto`] stands for.
+    /// The solver in use: of [`Solver::Auto`] the one it selects.
     pub(crate) fn resolved(self, nonzeros: bool) -> Solver {
         match self {
             Solver::Auto if nonzeros => Solver::Omp,

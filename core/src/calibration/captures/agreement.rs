@@ -20,8 +20,8 @@ const FITS: f64 = 4.0;
 /// Source: chosen
 const NEAR: f64 = 0.15;
 
-/// Replaces the centres of `found` by the means over the captures, shrunk by the variance between captures, which is due
-/// to the scenes. A single capture gives no variance: its centres are those of the lattice, with trust 0.
+/// Replaces the centres of `found` by the means over the captures, shrunk by the variance between captures, which is
+/// due to the scenes. A single capture gives no variance: its centres are those of the lattice, with trust 0.
 ///
 /// # Errors
 /// [`Error::Interrupted`].

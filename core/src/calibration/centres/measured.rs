@@ -15,7 +15,7 @@ pub struct MeasuredLenslet {
     pub gain: f64,
     /// Variance of x and y (pixels²) if a pixel at the centre had unit variance relative to gain².
     pub unit: [f64; 2],
-    /// Weighted mean squared residual a degree of freedom, relative to gain².
+    /// Weighted mean squared residual per degree of freedom, relative to gain².
     pub misfit: f64,
     /// Whether the measurement succeeded.
     pub usable: bool,

@@ -5,8 +5,8 @@
 //! 8   format version, u32
 //! 12  header length H, u32
 //! 16  H bytes of JSON: everything of [`Calibration`] that is small, the payload's size and sha256
-//! …   deflated payload: the lattice and quality figures as f64 (those in the header are for people), then lenslets, hot
-//!     pixels and the white image as described in `v2`; files of version 1 (`v1`) are read too
+//! …   deflated payload: the lattice and quality figures as f64 (those in the header are for information), then
+//!     lenslets, hot pixels and the white image as described in `v2`; files of version 1 (`v1`) are read too
 //! ```
 //! All numbers little-endian.
 
@@ -58,7 +58,7 @@ const LEVEL: u32 = 3;
 pub fn save(path: &Path, calibration: &Calibration, force: bool) -> Result<(), Error> {
     let whole = |v: &Vignetting| v.width > 0 && v.width.checked_mul(v.height) == Some(v.white.len());
     if !calibration.vignetting.as_ref().is_none_or(whole) {
-        return Err(Error::Parameter("the calibration's white image has not the pixels its size asks for".into()));
+        return Err(Error::Parameter("the number of pixels of the calibration's white image does not match its size".into()));
     }
     let mut payload = Vec::new();
     figures(&calibration.lattice, &calibration.quality).iter().for_each(|v| payload.extend(v.to_le_bytes()));
@@ -178,7 +178,7 @@ fn check_header(header: &Header, version: u32) -> Result<usize, &'static str> {
         _ => v2::bytes_of(header.lenslets, header.hot_pixels, pixels),
     };
     if header.payload_bytes != 8 * FIGURES + rest {
-        return Err("its payload has not the size its header asks for");
+        return Err("its payload does not have the size that its header states");
     }
     Ok(pixels)
 }
@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn headers_that_promise_too_much_are_refused_before_memory_is_taken() {
+    fn headers_with_excessive_sizes_are_refused_before_memory_is_allocated() {
         let header = |width: usize, lenslets: usize, payload: usize| Header {
             program: String::new(),
             width,

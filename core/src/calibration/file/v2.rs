@@ -16,7 +16,7 @@ use super::header::{self, Header, Payload};
 use super::white;
 use crate::calibration::model::{Calibration, Lattice, Lenslet};
 
-/// Steps a pixel in which residuals from the lattice are stored.
+/// Steps per pixel in which residuals from the lattice are stored.
 /// Source: file format version 2
 const STEPS: f64 = 16384.0;
 /// Bytes a lenslet takes.

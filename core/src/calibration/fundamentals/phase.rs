@@ -182,7 +182,7 @@ fn demodulate_tile(
 }
 
 struct PhasePlane {
-    /// Change of phase, turns a pixel.
+    /// Change of phase, turns per pixel.
     slope: [f64; 2],
     /// Phase at the sensor's centre, turns.
     phase: f64,

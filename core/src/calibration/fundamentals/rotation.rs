@@ -19,7 +19,7 @@ const LEAST_PROMINENCE: f64 = 12.0;
 /// Source: chosen
 const LEAST_POWER: f64 = 0.2;
 
-/// Two fundamental frequencies of the lattice, (x, y) in cycles a pixel.
+/// Two fundamental frequencies of the lattice, (x, y) in cycles per pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fundamentals {
     /// Square or hexagonal (rows or columns is decided by the directions).
@@ -34,12 +34,12 @@ pub struct Fundamentals {
     pub power: f64,
 }
 
-/// Lowest and highest frequency of the lattices looked for, cycles a pixel.
+/// Lowest and highest frequency of the lattices looked for, cycles per pixel.
 pub fn frequency_range() -> (f64, f64) {
     (1.0 / PERIODS[1], 1.0 / PERIODS[0])
 }
 
-/// How far a peak may be from its ideal position at the frequency `f`, cycles a pixel; at least 1.2 bins.
+/// How far a peak may be from its ideal position at the frequency `f`, cycles per pixel; at least 1.2 bins.
 fn tolerance(f: [f64; 2], side: usize) -> f64 {
     (SLACK * f[0].hypot(f[1])).max(1.2 / side as f64)
 }

@@ -23,7 +23,7 @@ pub struct Spectrum {
 /// A local maximum of the spectrum, refined below a bin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Peak {
-    /// Frequency (x, y) in cycles a pixel.
+    /// Frequency (x, y) in cycles per pixel.
     pub frequency: [f64; 2],
     /// Power.
     pub power: f64,
@@ -114,7 +114,7 @@ fn crop_power(image: &SensorImage, x0: usize, y0: usize, side: usize) -> Vec<f32
     power
 }
 
-/// Local maxima with frequencies between `lowest` and `highest` cycles a pixel, strongest first, at most `most`.
+/// Local maxima with frequencies between `lowest` and `highest` cycles per pixel, strongest first, at most `most`.
 /// Of each pair ±f only the one with y > 0 (or y = 0, x > 0) is given.
 pub fn spectral_peaks(spectrum: &Spectrum, lowest: f64, highest: f64, most: usize) -> Vec<Peak> {
     let n = spectrum.side as i64;

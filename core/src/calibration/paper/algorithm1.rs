@@ -137,7 +137,7 @@ pub fn run_algorithm1<C: Borrow<Capture>>(captures: &[C], observer: &dyn Observe
         .into_iter()
         .map(|[i, j]| {
             let at = grid.centre(i, j);
-            // A maximum half a pitch or more away is not this lenslet's.
+            // A maximum half a pitch or more away belongs to another lenslet.
             let own = found.get(&(j, i)).filter(|c| (c[0] - at[0]).hypot(c[1] - at[1]) < 0.5 * pitch);
             let [x, y] = own.copied().unwrap_or(at);
             Lenslet { i, j, x, y, trust: if own.is_some() { 1.0 } else { 0.0 } }

@@ -166,7 +166,7 @@ mod tests {
         for count in [1, 2, 3] {
             assert_eq!(find_hot_pixels(&blacks(&planted, count)).unwrap(), planted);
         }
-        // A flash in one image of three, or of two, is a cosmic ray's.
+        // A bright pixel in one image of three, or of two, may be due to a cosmic ray; it is not hot.
         for count in [2, 3] {
             let mut images = blacks(&planted, count);
             images[0].mosaic.data[777] = 4000;

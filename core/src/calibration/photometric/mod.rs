@@ -1,4 +1,4 @@
-//! Light a pixel: equal colour channels, hot pixels, the vignetting pattern.
+//! Light per pixel: equal colour channels, hot pixels, the vignetting pattern.
 
 pub mod equalise;
 pub mod hot_pixels;

@@ -26,9 +26,9 @@ pub struct ShrunkCentres {
     pub rejected: f64,
     /// RMS distance of accepted measured centres from the lattice, pixels.
     pub residual_rms: f64,
-    /// Scatter of the lenslets themselves, √(τ² − s²), an axis, pixels.
+    /// Scatter of the lenslets themselves, √(τ² − s²), per axis, pixels.
     pub scatter: f64,
-    /// Typical standard deviation of a measurement, √(s² + σ²), an axis, pixels.
+    /// Typical standard deviation of a measurement, √(s² + σ²), per axis, pixels.
     pub noise: f64,
 }
 

@@ -86,7 +86,7 @@ fn regular_lenslets_are_found_to_hundredths() {
 }
 
 #[test]
-fn lenslets_of_their_own_places_are_found() {
+fn lenslets_displaced_from_the_lattice_are_found() {
     let plant = PlantedCamera { jitter: 0.1, rotation: 0.01, ..PlantedCamera::default() };
     let (found, truth) = centres(&plant);
     let (rms, _, wrong) = compare(&found, &truth, 20.0);

@@ -21,13 +21,13 @@ pub struct PlantedCamera {
     pub stretch: f64,
     /// Offset of lenslet (0, 0) from the sensor's centre, pixels.
     pub offset: [f64; 2],
-    /// Standard deviation of the lenslets' position errors, pixels an axis.
+    /// Standard deviation of the lenslets' position errors, pixels per axis.
     pub jitter: f64,
     /// Share of light lost in the corners, 0 to 1.
     pub vignetting: f64,
     /// Share of the full scale at the brightest pixel.
     pub exposure: f64,
-    /// 0 none, 1 one electron a DN and 3 DN read noise.
+    /// 0 none, 1 one electron per DN and 3 DN read noise.
     pub noise: f64,
     pub seed: u64,
 }

@@ -27,7 +27,7 @@ pub struct Extracted {
     pub name: String,
     /// Bytes written.
     pub bytes: u64,
-    /// What it is: the reference to it, or its name in the bundle.
+    /// The reference to it in the container, or its name in the bundle.
     pub what: String,
     /// Other facts about it (focus, size, range …).
     pub facts: Value,
@@ -54,7 +54,7 @@ pub struct Extracted {
 ///
 /// let (written, warnings) = extract(&file, &out, false, &Silent)?;
 /// assert!(warnings.is_empty() && written.iter().all(|f| f.intact != Some(false)));
-/// assert_eq!(std::fs::metadata(out.join("image.raw"))?.len(), 256 * 3 / 2); // 12 bit a pixel
+/// assert_eq!(std::fs::metadata(out.join("image.raw"))?.len(), 256 * 3 / 2); // 12 bit per pixel
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn extract(

@@ -16,9 +16,9 @@ pub struct WhiteChoice {
     pub chosen: Option<CalibrationImage>,
     /// Why this one; or, without one, what was looked for and what was there.
     pub reason: String,
-    /// The others, each with why it was passed over.
+    /// The other images, each with the reason why it was passed over.
     pub passed: Vec<(CalibrationImage, String)>,
-    /// Oddities met while looking.
+    /// Anomalies found while searching, one line each.
     pub warnings: Vec<String>,
     place: PathBuf,
 }
@@ -121,7 +121,7 @@ fn is_named(c: &CalibrationImage, want: &CameraFacts) -> bool {
     want.white_ref.as_ref().is_some_and(|r| c.names.iter().any(|n| n.eq_ignore_ascii_case(r)))
 }
 
-/// Distance of two stepper positions; unknown where the capture's is known is furthest.
+/// Distance of two stepper positions; largest where only the capture's is known.
 fn step_distance(a: Option<i64>, b: Option<i64>) -> u64 {
     match (a, b) {
         (Some(a), Some(b)) => a.abs_diff(b),

@@ -1,4 +1,4 @@
-//! An image of a calibration folder, and what its exposure makes it good for.
+//! An image of a calibration folder, classified by its exposure.
 
 use crate::container::assemble::{assemble_capture, profile_for, unpack_image};
 use crate::container::capture::Capture;
@@ -33,7 +33,7 @@ const GROUP: u64 = 30;
 /// Source: chosen; about 2,500 pixels of 12 bit.
 const STRETCH: u64 = GROUP * 128;
 
-/// What an image is good for.
+/// The use of an image, by its exposure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ExposureClass {
     /// A white image.
@@ -51,11 +51,11 @@ pub enum ExposureClass {
 pub struct CalibrationImage {
     /// Where its packed pixels lie.
     pub member: Member,
-    /// What its metadata says.
+    /// The facts in its metadata.
     pub frame: FrameFacts,
-    /// Every `sha1-…` that metadata, bundle or manifest give it; that of its own pixels is not computed.
+    /// Every `sha1-…` under which metadata, bundle or manifest refer to it; that of its pixels is not computed.
     pub names: Vec<String>,
-    /// What its exposure makes it.
+    /// Its class by exposure.
     pub class: ExposureClass,
     /// Mean value in DN over a sample of its pixels (a thousandth to all of them).
     pub mean: f64,

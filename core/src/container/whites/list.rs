@@ -15,7 +15,7 @@ use crate::container::{json, lfp};
 pub struct CalibrationImages {
     /// White, dark and black images, in order of place.
     pub images: Vec<CalibrationImage>,
-    /// Files that could have been images but could not be used, one line each, and other oddities.
+    /// Files that look like images but cannot be used, and other anomalies, one line each.
     pub warnings: Vec<String>,
 }
 

@@ -154,7 +154,7 @@ fn number<const N: usize>(bytes: &[u8], start: usize) -> Option<[u8; N]> {
     bytes.get(start..start + N)?.try_into().ok()
 }
 
-/// Reads the bytes of an `.lfd` file, which begin with [`MAGIC`]; `name` is what errors call it.
+/// Reads the bytes of an `.lfd` file, which begin with [`MAGIC`]; errors call it `name`.
 ///
 /// # Errors
 /// As [`super::load`].
@@ -191,7 +191,7 @@ pub(super) fn read_lfd(bytes: &[u8], name: &str) -> Result<Dictionary, Error> {
     Ok(dictionary)
 }
 
-/// What the models of an `.lfd` file were trained for, from its header alone: no checksum is looked at.
+/// What the models of an `.lfd` file were trained for, from its header alone; checksums are not verified.
 ///
 /// # Errors
 /// As [`read_lfd`].
@@ -270,7 +270,7 @@ fn read_models(header: &Header, networks: &[NetworkHeader], payload: &[u8]) -> R
 struct Reader<'a> {
     payload: &'a [u8],
     tables: &'a [Table],
-    /// Payload not yet taken: matrices that share bytes would let a small file ask for any amount of memory.
+    /// Payload bytes not yet read: matrices that share bytes would let a small file take any amount of memory.
     left: Cell<usize>,
 }
 
@@ -397,7 +397,7 @@ mod tests {
             for bit in [0, 3, 7] {
                 let mut bytes = whole.clone();
                 bytes[at] ^= 1 << bit;
-                // As version 1 the file is a little longer than its payload, which that version's checksum sees.
+                // Read as version 1, the file is longer than its payload, so that version's checksum fails.
                 assert!(from_bytes(&bytes, "t").is_err(), "bit {bit} of byte {at}");
             }
         }
@@ -414,7 +414,7 @@ mod tests {
     }
 
     #[test]
-    fn a_header_that_lies_about_sizes_is_refused() {
+    fn a_header_with_wrong_sizes_is_refused() {
         let bytes = to_bytes(&small_dictionary(1)).unwrap();
         let length = u64::from_le_bytes(bytes[16..24].try_into().unwrap()) as usize;
         let (mut header, _) = decode_header(&bytes[FIXED..FIXED + length], false).unwrap();
@@ -498,7 +498,7 @@ mod tests {
             let n = bytes.len();
             prop_assert_eq!(from_bytes(&bytes, "t").unwrap(), small_dictionary(1));
             bytes[at % n] = value;
-            // The payload is guarded by its sha256; a header that still reads must still make sense.
+            // The payload is protected by its sha256; a header that can still be read must be consistent.
             if let Ok(d) = from_bytes(&bytes, "t") {
                 prop_assert!(validate(&d).is_ok());
                 prop_assert_eq!(&d.models[0].patch_model.low, &small_dictionary(1).models[0].patch_model.low);

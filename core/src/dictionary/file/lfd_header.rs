@@ -1,6 +1,6 @@
 //! The header of an `.lfd` file: bincode 2, standard configuration, little-endian variable-length integers.
 //!
-//! Types of its own, whose fields and variants never change their order: that is what the bytes depend on.
+//! Types for the file only: the order of their fields and variants never changes, since the bytes depend on it.
 
 use serde::{Deserialize, Serialize};
 
@@ -25,7 +25,7 @@ pub(super) struct ModelHeader {
     pub(super) footprint: FootprintCode,
     pub(super) base: InterpolationCode,
     pub(super) pitch: f64,
-    /// Today always one; more were models applied one after the other.
+    /// Always one now; earlier files may have several, applied one after the other.
     pub(super) passes: Vec<PassHeader>,
 }
 
@@ -35,7 +35,7 @@ pub(super) struct PassHeader {
     pub(super) patch: u32,
     pub(super) floor: f32,
     pub(super) lambda: f32,
-    /// Today always false; true was a code of what the ridge regressor leaves.
+    /// Always false now; true in earlier files whose codes are of the ridge regressor's residual.
     pub(super) with_linear: bool,
     pub(super) anchored: bool,
 }
@@ -44,7 +44,7 @@ pub(super) struct PassHeader {
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct NetworkHeader {
     pub(super) model: u32,
-    /// Today always 0.
+    /// Always 0 now.
     pub(super) pass: u32,
     pub(super) support: u32,
     pub(super) floor: f32,
@@ -113,7 +113,7 @@ fn configuration() -> impl bincode::config::Config {
 /// The bytes of a header; those of networks only where there are any.
 ///
 /// # Errors
-/// What the encoder says.
+/// The encoder's message.
 pub(super) fn encode_header(header: &Header, networks: &[NetworkHeader]) -> Result<Vec<u8>, String> {
     let mut bytes = bincode::serde::encode_to_vec(header, configuration()).map_err(|e| e.to_string())?;
     if !networks.is_empty() {
@@ -125,7 +125,7 @@ pub(super) fn encode_header(header: &Header, networks: &[NetworkHeader]) -> Resu
 /// Reads a header that takes all of `bytes`.
 ///
 /// # Errors
-/// With what is wrong.
+/// A message that says what is wrong.
 pub(super) fn decode_header(bytes: &[u8], with_networks: bool) -> Result<(Header, Vec<NetworkHeader>), String> {
     let unread = |e: bincode::error::DecodeError| format!("its header cannot be read ({e})");
     let (header, mut used): (Header, usize) =

@@ -75,7 +75,7 @@ pub(super) fn matrices(parts: &PatchModel) -> Vec<(Matrix, ArrayViewD<'_, f32>)>
     all
 }
 
-/// The names of the models in tensor names: the footprint, and a running number behind it where it repeats.
+/// The names of the models in tensor names: the footprint, followed by a running number where it repeats.
 pub(super) fn model_names(dictionary: &Dictionary) -> Vec<String> {
     let footprints: Vec<Footprint> = dictionary.models.iter().map(|m| m.footprint).collect();
     (0..footprints.len())
@@ -138,11 +138,11 @@ impl ModelNumbers {
 /// Shape and values of a matrix, or what is wrong with it.
 pub(super) type Values = Result<(Vec<usize>, Vec<f32>), String>;
 
-/// A model of its numbers and of the matrices that `read` finds. Shapes are checked by [`super::super::validate`], not
+/// A model from its numbers and the matrices that `read` returns. Shapes are checked by [`super::super::validate`], not
 /// here.
 ///
 /// # Errors
-/// Numbers beyond [`limits`]; what `read` says; matrices of another dimension.
+/// Numbers beyond [`limits`]; errors of `read`; matrices with a wrong number of dimensions.
 pub(super) fn assemble_model(numbers: &ModelNumbers, read: &dyn Fn(Matrix) -> Values) -> Result<Model, String> {
     let matrix = |which| two_dimensional(which, read(which)?);
     let anchored = if numbers.anchored {
@@ -207,7 +207,7 @@ fn three_dimensional(which: Matrix, (shape, values): (Vec<usize>, Vec<f32>)) -> 
     Array3::from_shape_vec((k, m, p), values).map_err(|e| e.to_string())
 }
 
-/// Values of anchored maps as [`Storage::I8`]: signed bytes and one scale a row; a row of zeros has scale 0.
+/// Values of anchored maps as [`Storage::I8`]: signed bytes and one scale per row; a row of zeros has scale 0.
 ///
 /// Rows that were read from bytes give the same bytes and scales again.
 pub(super) fn quantise(maps: &ArrayViewD<'_, f32>) -> (Vec<u8>, Vec<f32>) {
@@ -236,7 +236,7 @@ pub(super) fn restore(bytes: &[u8], scales: &[f32], row: usize) -> Vec<f32> {
 /// The values of maps stored as bytes, of this shape, and their scales.
 ///
 /// # Errors
-/// When there is not one scale a row.
+/// When there is not one scale per row.
 pub(super) fn restored_maps(shape: Vec<usize>, bytes: &[u8], scales: &[f32]) -> Values {
     let row = shape.last().copied().unwrap_or(0).max(1);
     if scales.len() * row != bytes.len() {

@@ -27,7 +27,8 @@ pub enum Format {
 }
 
 impl Format {
-    /// The format that [`save`] writes under this name: safetensors where it ends so (in either case), else `.lfd`.
+    /// The format that [`save`] writes under this name: safetensors for names that end in `.safetensors` (in any case),
+    /// else `.lfd`.
     ///
     /// ```
     /// use lenslet_core::dictionary::Format;
@@ -72,7 +73,7 @@ impl Format {
     }
 }
 
-/// Writes a dictionary's file, whole or not at all, in the [`Format`] that its name asks for.
+/// Writes a dictionary's file, whole or not at all, in the format that [`Format::of`] gives for its name.
 ///
 /// # Errors
 /// [`Error::Parameter`] when it is not a valid dictionary; [`Error::Output`] when the file exists (without `force`) or
@@ -115,7 +116,7 @@ pub fn load(path: &Path) -> Result<Dictionary, Error> {
     from_bytes(&bytes, &name)
 }
 
-/// Reads the bytes of a dictionary's file of either format; `name` is what errors call it.
+/// Reads the bytes of a dictionary's file of either format; errors call it `name`.
 ///
 /// # Errors
 /// As [`load`].

@@ -1,4 +1,4 @@
-//! Export of a dictionary as a folder: one .npy a matrix, and `dictionary.json` with everything else.
+//! Export of a dictionary as a folder: one .npy per matrix, and `dictionary.json` with everything else.
 
 use std::path::Path;
 

@@ -6,18 +6,18 @@
 //! | … | header, JSON: `__metadata__` (strings), then name, type, shape and place of every tensor |
 //! | … | tensors without gaps, rows contiguous, little-endian |
 //!
-//! Tensors are named `MODEL.PREDICTOR.MATRIX`, as `point.lasso.low_atoms`; all are f32 but anchored maps stored as
-//! bytes (`MODEL.anchored.maps`, i8, times one of `MODEL.anchored.map_scales` a row). Metadata, each a string, all but
-//! the first two and the last JSON:
+//! Tensors are named `MODEL.PREDICTOR.MATRIX`, as `point.lasso.low_atoms`. All are f32, except anchored maps stored as
+//! bytes (`MODEL.anchored.maps`, i8, times one value of `MODEL.anchored.map_scales` per row). Metadata are strings, all
+//! but the first two and the last holding JSON:
 //!
 //! | key | what |
 //! |---|---|
 //! | `lenslet_dictionary` | version of this layout |
-//! | `tool` | that wrote the file |
+//! | `tool` | name and version of the program that wrote the file |
 //! | `recipe` | how it was trained |
 //! | `storage` | how anchored maps are stored |
 //! | `models` | name, and what is not a matrix, of every model |
-//! | `sha256` | of all other metadata and all tensors: see [`checksum`]; a file without it is read unchecked |
+//! | `sha256` | checksum of all other metadata and all tensors, see [`checksum`]; a file without it is read unchecked |
 //!
 //! Metadata and tensors are written in order of their names (tensors of wider types first), so that the same dictionary
 //! gives the same bytes in every run; the safetensors crate writes metadata in the random order of a hash map.
@@ -40,7 +40,7 @@ use super::matrices::{
 
 /// The latest version of the layout of metadata and tensors.
 const LAYOUT_VERSION: u32 = 1;
-/// The metadata key that says that a file is a dictionary, and its version.
+/// The metadata key that marks a file as a dictionary; its value is the version.
 const VERSION_KEY: &str = "lenslet_dictionary";
 const CHECKSUM_KEY: &str = "sha256";
 /// Bytes before the header.
@@ -135,7 +135,7 @@ pub(super) fn to_safetensors(dictionary: &Dictionary) -> Result<Vec<u8>, Error> 
         .into_iter()
         .map(|(key, value)| (key, value.as_str().map_or_else(|| value.to_string(), String::from)))
         .collect();
-    // A name of a storage is JSON as well, with its quotes.
+    // The name of the storage is JSON as well, with its quotes.
     metadata.insert("storage".into(), serde_json::to_string(&dictionary.storage).map_err(wrong)?);
     let tensors = tensors(dictionary);
     let strings = metadata.iter().map(|(k, v)| (k.as_str(), v.as_str()));
@@ -170,11 +170,11 @@ pub(super) fn to_safetensors(dictionary: &Dictionary) -> Result<Vec<u8>, Error> 
 /// Whether bytes begin as a `.safetensors` file does: a length, then JSON.
 pub(super) fn begins_as_safetensors(bytes: &[u8]) -> bool {
     let Some(length) = bytes.first_chunk::<FIXED>() else { return false };
-    // No other file of ours has a length below 2³² there.
+    // No other file format read here has a number below 2³² in these bytes.
     bytes.get(FIXED) == Some(&b'{') && u64::from_le_bytes(*length) <= u64::from(u32::MAX)
 }
 
-/// Reads the bytes of a `.safetensors` file; `name` is what errors call it.
+/// Reads the bytes of a `.safetensors` file; errors call it `name`.
 ///
 /// # Errors
 /// As [`super::load`].
@@ -194,7 +194,7 @@ pub(super) fn read_safetensors(bytes: &[u8], name: &str) -> Result<Dictionary, E
     read_contents(&metadata, &tensors).map_err(malformed)
 }
 
-/// What the models of a `.safetensors` file were trained for, from its header alone: no checksum is looked at.
+/// What the models of a `.safetensors` file were trained for, from its header alone; the checksum is not verified.
 ///
 /// # Errors
 /// As [`read_safetensors`].
@@ -224,7 +224,7 @@ fn read_header(bytes: &[u8], name: &str) -> Result<Metadata, Error> {
             let remedy = "use a newer lenslet, or train it again with `lenslet train-dict`";
             Err(Error::Version { path: name.into(), found, known: LAYOUT_VERSION, remedy })
         }
-        Err(_) => Err(malformed(format!("{VERSION_KEY} {version:?} is no version"))),
+        Err(_) => Err(malformed(format!("{VERSION_KEY} {version:?} is not a version number"))),
     }
 }
 
@@ -243,7 +243,7 @@ fn read_contents(
     if named.len() > limits::PARTS {
         return Err(format!("more than {} models", limits::PARTS));
     }
-    // Models that share tensors would let a small file ask for a multiple of its size in memory.
+    // Models that share tensors would let a small file take a multiple of its size in memory.
     let names: BTreeSet<&str> = named.iter().map(|m| m.name.as_str()).collect();
     if names.len() < named.len() {
         return Err("two models have the same name".into());
@@ -309,7 +309,7 @@ mod tests {
         dictionary.models[1].patch_model.network =
             Some(random_network(5, &[Interpolation::Barycentric, Interpolation::Cubic]));
         dictionary.storage = storage;
-        // As a file has it: maps of bytes are no longer what they were before.
+        // As read from a file: storing maps as bytes has rounded them.
         from_bytes(&to_bytes(&dictionary).unwrap(), "t").unwrap()
     }
 
@@ -397,7 +397,7 @@ mod tests {
         for at in (0..whole.len()).step_by(3) {
             let mut bytes = whole.clone();
             bytes[at] ^= 1 << (at % 8);
-            // Blanks between the parts of the header mean nothing.
+            // Blanks between the parts of the header have no meaning.
             assert!(from_bytes(&bytes, "t").map_or(true, |d| d == read), "byte {at}");
         }
         assert!(from_bytes(&[&whole[..], b"x"].concat(), "t").is_err());

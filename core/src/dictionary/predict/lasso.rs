@@ -17,7 +17,7 @@ use crate::sparse;
 /// Source: chosen.
 const TOLERANCE: f64 = 1e-4;
 
-/// Dl made ready for the solver, and Dh.
+/// Dl prepared for the solver, and Dh.
 #[derive(Debug)]
 pub(super) struct LassoCodes {
     model: Arc<Model>,
@@ -33,7 +33,7 @@ impl LassoCodes {
     pub(super) fn new(model: &Arc<Model>, options: &ReconstructionOptions) -> Result<Self, Error> {
         let parts = &model.patch_model;
         let lambda = options.lambda.unwrap_or(parts.lambda);
-        // The code of a flat patch is zero: |Dl y| ≤ ‖y‖ ≤ λ there, so the solver need not see it.
+        // The code of a flat patch is zero, since |Dl y| ≤ ‖y‖ ≤ λ, so it is not passed to the solver.
         let least_norm = (lambda * parts.floor).max(options.flat);
         Ok(LassoCodes { low: sparse::prepare(parts.low.view())?, model: Arc::clone(model), lambda, least_norm })
     }

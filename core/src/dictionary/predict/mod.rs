@@ -16,7 +16,7 @@ pub use anchored::nearest_anchors;
 pub use network::network_inputs;
 pub(super) use predictor::PredictPatches;
 
-/// The predictor that `options` ask for, or the LASSO codes where the model has no such predictor.
+/// The predictor that `options` select, or the LASSO codes where the model has no such predictor.
 ///
 /// # Errors
 /// Atoms that the sparse solver refuses.

@@ -1,6 +1,6 @@
 //! Patches by a small feed-forward network in place of a sparse code: features of the low image and of its side inputs
-//! to the residual patch. A code and Dh are one layer of soft thresholds; this has several of rectified outputs, fitted
-//! to the residual itself, and it can weigh several images of the same view against each other.
+//! to the residual patch. The network is fitted to the residual itself, and it can combine several images of the same
+//! view.
 
 use std::sync::Arc;
 
@@ -82,8 +82,8 @@ impl Network {
     }
 }
 
-/// What the first layer takes for features (n×m): unit vectors and the logarithm of their norms, both as if no norm
-/// were below `floor` (n×(m+1)); and the norms as they are.
+/// The first layer's inputs (n×(m+1)) for features (n×m): each row f divided by d = max(‖f‖, `floor`), followed by ln
+/// d; and the norms ‖f‖.
 ///
 /// ```
 /// use lenslet_core::dictionary::network_inputs;

@@ -1,5 +1,5 @@
-//! Patches by one ridge regressor: residual = fᵀ·W, W = argmin Σ ‖fᵀW − t‖² + ρ‖W‖² over the training pairs. What a
-//! linear filter alone gives.
+//! Patches by one ridge regressor: residual = fᵀ·W, W = argmin Σ ‖fᵀW − t‖² + ρ‖W‖² over the training pairs; the
+//! baseline of a single linear filter.
 
 use std::sync::Arc;
 

@@ -22,7 +22,7 @@ use crate::sparse::penalty::Penalty;
 use crate::sparse::prepared::Prepared;
 use crate::sparse::problem::{Ended, Finished};
 
-/// What every signal of a block is solved to.
+/// The penalty and the stopping conditions of every signal of a block.
 #[derive(Clone, Copy)]
 pub(crate) struct Settings {
     pub penalty: Penalty,
@@ -205,14 +205,14 @@ fn start_signal<S: Lanes>(
     slot.threshold = (f64::from(slot.lambda) * (1.0 + 1e-6) + 4e-7 * slot.norm) as f32;
     slot.goal = settings.tolerance * 0.5 * energy;
     if slot.lambda == 0.0 || !(slot.norm == 0.0 || (1e-12..1e12).contains(&slot.norm)) {
-        // Squares out of the range of f32, or no penalty on signs: no atom enters, no certificate holds, f64 solves it.
+        // Squares out of the range of f32, or λ = 0: no atom enters, the certificate fails, and f64 solves the signal.
         slot.threshold = f32::INFINITY;
         slot.norm = f64::INFINITY;
     }
 }
 
-/// Takes the code when its gap is small enough, if need be after one correction of its values. False: f64 has to solve
-/// it.
+/// Accepts the code when its gap is small enough, if need be after one correction of its values. False where the signal
+/// must be solved in f64.
 #[inline(always)]
 fn accept_if_certified<S: Lanes, const C: usize>(
     lanes: S,
@@ -240,7 +240,7 @@ fn accept_if_certified<S: Lanes, const C: usize>(
     false
 }
 
-/// The entries of a code, atoms by their number outside and ascending.
+/// The entries of a code, atoms by the caller's numbers, ascending.
 #[inline(always)]
 fn collect_entries<const C: usize>(dictionary: &Prepared, state: &State<C>, entries: &mut Vec<(u32, f32)>) {
     let n = state.n;
@@ -251,7 +251,7 @@ fn collect_entries<const C: usize>(dictionary: &Prepared, state: &State<C>, entr
         entries.sort_unstable_by_key(|e| e.0);
         return;
     }
-    // Few: the place of each is the count of smaller ones, without branches. Zeros go last; they are not passed on.
+    // Few entries: the place of each is the count of smaller ones, without branches. Zeros go last and are dropped.
     let mut numbers = [u32::MAX; 16];
     for ((number, &k), &value) in numbers.iter_mut().zip(state.support()).zip(state.values()) {
         *number = if value == 0.0 { u32::MAX } else { dictionary.outside(k) };

@@ -1,4 +1,5 @@
-//! The active set in f64 from residuals, slow and exact: min ½‖y − S Dᵀφ‖² + λ‖φ‖₁, S the identity or the signal's own.
+//! The active set in f64 from residuals, slow and exact: min ½‖y − S Dᵀφ‖² + λ‖φ‖₁, S the identity or a matrix that
+//! differs from signal to signal.
 //!
 //! No Gram matrix of the dictionary is needed, so every signal may have its own sampling S (weights, a mask, or any
 //! matrix). Each move is the correction Δ = G_SS⁻¹(A_Sᵀr − λθ) for the current residual r, so rounding does not
@@ -14,11 +15,11 @@ use crate::sparse::problem::{Ended, Finished};
 /// How a signal is observed: the S of the objective.
 #[derive(Clone, Copy)]
 pub(crate) enum Observation<'a> {
-    /// All of its values, alike: S is the identity.
+    /// All of its values with equal weight: S is the identity.
     Full,
     /// Value i with weight w_i (0 hides it): S is diagonal. Holds the √w_i.
     Weighted(&'a [f64]),
-    /// Through a p×m matrix of its own.
+    /// Through this p×m matrix S.
     Sampled(ArrayView2<'a, f32>),
 }
 
@@ -34,7 +35,7 @@ pub(crate) struct ObservedProblem<'a> {
     pub nonnegative: bool,
 }
 
-/// A code: atoms by their number inside, values, how the solve ended.
+/// A code: atoms by their internal number, values, how the solve ended.
 pub(crate) struct Solution {
     pub support: Vec<u32>,
     pub values: Vec<f64>,
@@ -202,7 +203,7 @@ fn starting_value(members: &mut Vec<Member>, error: &mut Vec<f64>, column: &[f64
     Some(t * sign)
 }
 
-/// Solves G_SS x = rhs by Cholesky; none when G_SS is singular.
+/// Solves G_SS x = rhs by Cholesky; `None` when G_SS is singular.
 pub(crate) fn solve_gram(members: &[Member], rhs: &[f64]) -> Option<Vec<f64>> {
     let n = members.len();
     let mut factor = vec![0.0f64; n * n];
@@ -288,7 +289,8 @@ fn certified_gap(
     span: &[Vec<f64>],
 ) -> f64 {
     if problem.lambda == 0.0 && !problem.nonnegative {
-        // Without a penalty the minimum is the projection on the span: the gap is what the residual still has in it.
+        // Without a penalty the minimum is the projection on the span; the gap is ½‖·‖² of the residual's part in the
+        // span.
         return 0.5 * span.iter().map(|q| inner_product(q, residual).powi(2)).sum::<f64>();
     }
     let largest = correlations.iter().fold(0.0f64, |m, &c| m.max(if problem.nonnegative { c } else { c.abs() }));

@@ -11,13 +11,13 @@
 use super::simd::{Chunk, Lanes, flat, flat_mut};
 use super::state::{CANDIDATE_CHUNKS, Entering, State, Task};
 
-/// What a search finds.
+/// Result of a search.
 pub(crate) enum Search {
     /// An atom enters.
     Enter(Entering),
     /// No atom outside the support is above the threshold; `outside` is the largest |c| of them.
     Satisfied { outside: f32 },
-    /// An atom is to enter, but the state has no place for it.
+    /// An atom should enter, but the state has no free place.
     Full,
     /// Too many rounds, or rounding: f32 cannot go on.
     Failed,
@@ -71,7 +71,7 @@ pub(crate) fn find_entering<S: Lanes, const C: usize, const CANDIDATES: bool>(
 
 /// Bits of a tag: the place of a chunk times 16 plus a lane, in place of the last bits of a number.
 const TAG: u32 = 0xFF;
-/// With up to so many chunks (256 atoms) every round searches all.
+/// Up to this many chunks (256 atoms), every round searches all of them.
 ///
 /// Source: measured; up to 256 atoms searching all is faster (docs/sparse-coding.md).
 pub(crate) const MAX_CHUNKS_SEARCHED_WHOLE: usize = 16;
@@ -92,7 +92,7 @@ fn magnitude_bits<S: Lanes>(lanes: S, task: &Task<'_>) -> S::V {
     lanes.splat(f32::from_bits(!TAG & if task.nonnegative { u32::MAX } else { 0x7FFF_FFFF }))
 }
 
-/// The atom at a tag, if there is a round and a place for it.
+/// The atom at a tag, if a round and a place are left.
 #[inline(always)]
 fn admit_atom<S: Lanes, const C: usize, const CANDIDATES: bool>(
     lanes: S,
@@ -146,7 +146,7 @@ fn search_candidates<S: Lanes, const C: usize>(
     lanes.largest_bits(reduce_tree::<S, CANDIDATE_CHUNKS>(lanes, c))
 }
 
-/// The same of all chunks, at most [`MAX_CHUNKS_SEARCHED_WHOLE`], a multiple of four.
+/// The same over all chunks, at most [`MAX_CHUNKS_SEARCHED_WHOLE`], a multiple of four.
 #[inline(always)]
 fn search_all_tagged<S: Lanes, const C: usize>(
     lanes: S,
@@ -280,8 +280,8 @@ fn search_chunks<S: Lanes, const B: usize>(
     }
 }
 
-/// Makes (about) the [`CANDIDATE_CHUNKS`] chunks with the highest peaks the candidates, first of all `top`, whose peak
-/// is `most`.
+/// Makes about the [`CANDIDATE_CHUNKS`] chunks with the highest peaks the candidates; `top`, whose peak is `most`, is
+/// always among them.
 #[inline(always)]
 fn choose_candidates<S: Lanes, const C: usize>(
     lanes: S,
@@ -291,7 +291,7 @@ fn choose_candidates<S: Lanes, const C: usize>(
     state: &mut State<C>,
     peaks: &[Chunk],
 ) {
-    // By bisection a level that about so many peaks are above; chunks that find no place wait for the next search of
+    // Bisection finds a level that about `CANDIDATE_CHUNKS` peaks exceed; chunks left out wait for the next search of
     // all.
     let mut level = task.threshold;
     if count_above(lanes, peaks, level) > CANDIDATE_CHUNKS as u32 {

@@ -8,7 +8,7 @@ use super::simd::{Chunk, Lanes};
 use super::state::{State, Task};
 use crate::sparse::prepared::Prepared;
 
-/// A signal whose support has settled, and what its code is judged by.
+/// A signal whose support is final, with the values that its certificate is computed from.
 pub(crate) struct Settled<'a> {
     /// The largest |c| (or c) outside the support.
     pub outside: f32,

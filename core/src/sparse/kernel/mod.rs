@@ -1,5 +1,5 @@
-//! The solvers that carry the load: the f32 active set and matching pursuit on SIMD lanes, certificates, the f64
-//! active set.
+//! The solvers used by default: the f32 active set and matching pursuit on SIMD lanes, certificates, the f64 active
+//! set.
 
 pub(crate) mod active_set_f32;
 pub(crate) mod active_set_f64;

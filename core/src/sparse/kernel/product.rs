@@ -63,7 +63,7 @@ fn correlate_panels<S: Lanes, const P: usize>(
     let (m, width) = (panels.signal_len, panels.width);
     for (p, panel) in panels.values.chunks_exact(m).enumerate() {
         for (signals, rows) in signals.chunks(GROUP * stride).zip(out.chunks_mut(GROUP * width)) {
-            // Where the last group lacks signals, its first stands in; there is no row for it.
+            // An incomplete last group is filled up with its first signal; those results have no row and are dropped.
             let row =
                 |n: usize| if n * stride + m <= signals.len() { &signals[n * stride..][..m] } else { &signals[..m] };
             let [a, b, c, d, e, f] = [row(0), row(1), row(2), row(3), row(4), row(5)];

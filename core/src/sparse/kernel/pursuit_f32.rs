@@ -21,7 +21,7 @@ pub(crate) struct PursuitBlock<'a> {
     /// Most non-zeros, up to [`MAX_PURSUIT_NONZEROS`].
     pub most: usize,
     pub scratch: &'a mut Scratch,
-    /// Codes a signal that f32 cannot do, given its place and its correlations.
+    /// Codes a signal that f32 cannot code, given its place in the block and its correlations.
     pub otherwise: &'a mut dyn FnMut(usize, &[Chunk], &mut Codes),
     pub codes: &'a mut Codes,
 }

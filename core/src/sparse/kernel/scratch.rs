@@ -1,4 +1,4 @@
-//! Scratch of one thread for the f32 kernels: correlations, the signals in work, their answers.
+//! Scratch of one thread for the f32 kernels: correlations, the signals being solved, their results.
 
 use super::candidate_search::MAX_CHUNKS_SEARCHED_WHOLE;
 use super::product::GROUP;
@@ -12,11 +12,11 @@ use crate::sparse::problem::{Ended, Finished};
 ///
 /// Source: measured; four lose 3 % to the first cache (docs/sparse-coding.md).
 const BATCH: usize = 3;
-/// The same where rounds search candidate chunks.
+/// As [`BATCH`], where rounds search candidate chunks.
 ///
 /// Source: measured.
 const BATCH_WITH_CANDIDATES: usize = 2;
-/// Chunks of the large state: supports up to 128 atoms; what needs more is left to the f64 solver.
+/// Chunks of the large state: supports of up to 128 atoms; larger ones are solved in f64.
 ///
 /// Source: chosen.
 pub(crate) const LARGE_STATE_CHUNKS: usize = 8;
@@ -46,7 +46,7 @@ pub(crate) struct Slot {
     pub goal: f64,
 }
 
-/// A signal's answer, kept until those before it are there too.
+/// A signal's result, kept until those of all earlier signals are ready.
 pub(crate) struct Solved {
     pub entries: Vec<(u32, f32)>,
     pub finished: Finished,

@@ -30,13 +30,13 @@ pub(crate) struct State<const C: usize> {
     /// Bit i of number b says whether place 16·b + i has a member.
     pub used: [u16; C],
     pub rounds: u32,
-    /// Atoms, in places beyond the support any of the dictionary.
+    /// Atoms; places beyond the support hold an arbitrary one.
     pub support: [[u32; 16]; C],
     /// Where their Gram rows begin.
     pub rows: [[u32; 16]; C],
     /// Correlations D y of the members.
     pub signal_correlations: [[f32; 16]; C],
-    /// What follows is zero beyond the support, except for `candidate_rows`.
+    /// This and all that follows, except `candidate_rows`, is zero beyond the support.
     pub phi: [Chunk; C],
     pub signs: [Chunk; C],
     /// Errors of the members' conditions, as the last certificate found them.
@@ -123,7 +123,7 @@ impl<const C: usize> State<C> {
         self.has_candidates = false;
     }
 
-    /// Continues what a smaller state began.
+    /// Takes over the signal of a smaller state.
     pub fn grow_from(&mut self, small: &State<1>) {
         self.clear();
         self.n = small.n;
@@ -146,7 +146,7 @@ impl<const C: usize> State<C> {
 /// The atom that enters the support.
 #[derive(Clone, Copy)]
 pub(crate) struct Entering {
-    /// Its number inside.
+    /// Its internal number.
     pub atom: usize,
     /// The place of its chunk among the candidates, or among all chunks where all are searched.
     pub at: usize,

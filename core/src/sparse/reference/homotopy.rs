@@ -106,7 +106,7 @@ fn follow_path(dictionary: &Prepared, signal: &[f64], until: Until, mut knot: im
     // Atoms that depend linearly on the support, and the one that just left.
     let mut barred: Vec<usize> = Vec::new();
     let mut left = usize::MAX;
-    // Atoms that touch the bound but move inwards (copies of one that left), until the next step of some length.
+    // Atoms at the bound that move inwards (copies of one that left): not to enter before a step of non-zero length.
     let mut waiting: Vec<usize> = Vec::new();
     let mut steps = 0;
     knot(lambda, &members);

@@ -1,4 +1,5 @@
-//! Plain solvers, one signal at a time: oracles of the kernels, and what they cannot do (paths, many non-zeros).
+//! Plain solvers, one signal at a time: oracles for testing the kernels, and the cases that the kernels do not cover
+//! (paths, many non-zeros).
 
 pub(crate) mod descent;
 pub(crate) mod homotopy;

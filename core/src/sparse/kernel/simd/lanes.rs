@@ -1,4 +1,4 @@
-//! What a kernel may do with sixteen lanes, whatever the instructions.
+//! The operations that kernels have on sixteen lanes, for every instruction set.
 
 use super::chunk::Chunk;
 

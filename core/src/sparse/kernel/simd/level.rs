@@ -7,7 +7,7 @@ use super::plain::Plain;
 #[cfg(target_arch = "x86_64")]
 use super::x86;
 
-/// Which instructions the kernels run on.
+/// The instruction set that the kernels run on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Simd {
@@ -20,7 +20,7 @@ pub enum Simd {
 }
 
 impl Simd {
-    /// The best this processor has.
+    /// The fastest that this processor has.
     pub fn best() -> Simd {
         static BEST: OnceLock<Simd> = OnceLock::new();
         *BEST.get_or_init(|| {
