@@ -58,7 +58,9 @@ const LEVEL: u32 = 3;
 pub fn save(path: &Path, calibration: &Calibration, force: bool) -> Result<(), Error> {
     let whole = |v: &Vignetting| v.width > 0 && v.width.checked_mul(v.height) == Some(v.white.len());
     if !calibration.vignetting.as_ref().is_none_or(whole) {
-        return Err(Error::Parameter("the number of pixels of the calibration's white image does not match its size".into()));
+        return Err(Error::Parameter(
+            "the number of pixels of the calibration's white image does not match its size".into(),
+        ));
     }
     let mut payload = Vec::new();
     figures(&calibration.lattice, &calibration.quality).iter().for_each(|v| payload.extend(v.to_le_bytes()));
