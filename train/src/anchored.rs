@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn a_map_that_bends_is_followed_better_than_by_one_regressor() {
+    fn anchored_regressors_fit_a_nonlinear_map_better_than_one() {
         let mut rng = ChaCha8Rng::seed_from_u64(2);
         let mut x = Array2::from_shape_fn((4000, 3), |_| rng.random::<f32>() - 0.5);
         crate::atoms::normalise_atoms(&mut x);

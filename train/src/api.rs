@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_learned_from_is_said() {
+    fn photos_that_cannot_train_are_named() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("text.png"), b"text").unwrap();
         image::GrayImage::from_pixel(200, 200, image::Luma([9])).save(folder.path().join("flat.png")).unwrap();

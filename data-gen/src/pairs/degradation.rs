@@ -108,7 +108,7 @@ mod tests {
     use rand::SeedableRng;
 
     #[test]
-    fn noise_is_as_asked() {
+    fn noise_has_the_given_deviation() {
         let flat = Array2::from_elem((200, 200), 0.5f32);
         let d = Degradation { noise: 0.02, pitch: 1.0, ..Degradation::default() };
         let mut rng = ChaCha8Rng::seed_from_u64(1);

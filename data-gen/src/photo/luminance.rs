@@ -63,7 +63,7 @@ mod tests {
     use crate::photo::find_photos;
 
     #[test]
-    fn unusable_photos_say_why() {
+    fn unusable_photos_are_refused_with_a_reason() {
         let folder = tempfile::tempdir().unwrap();
         let at = |n: &str| folder.path().join(n);
         std::fs::write(at("text.jpg"), b"not a photo").unwrap();
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn photos_stand_upright_whatever_the_camera_did() {
+    fn photos_of_every_orientation_are_turned_upright() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("p.jpg");
         let photo = image::GrayImage::from_fn(80, 60, |x, y| image::Luma([(2 * x + y) as u8]));
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn linear_light_is_encoded_when_it_is_said_to_be_linear() {
+    fn linear_light_is_encoded_where_declared() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("linear.png");
         image::ImageBuffer::from_fn(40, 40, |x, _| image::Luma([x as u16 * 1600])).save(&path).unwrap();
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn ink_is_turned_into_light() {
+    fn cmyk_photos_become_luminance() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/reference/cmyk.jpg");
         let photo = load_luminance(&path, 32, ColourSpace::Srgb).unwrap();
         assert_eq!(photo.luminance.dim(), (96, 128));

@@ -202,7 +202,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn regions_hold_what_they_say() {
+    fn chart_regions_contain_their_pattern() {
         let canvas = Canvas { half: [165.0, 165.0], disparity: 0.0, seed: 1 };
         let scene = resolution(&canvas);
         let paint = &scene.layers[0].paint;
@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn every_patch_is_where_it_is_said_to_be() {
+    fn every_colour_patch_is_at_its_stated_place() {
         let scene = colour(&Canvas { half: [60.0, 40.0], disparity: 0.0, seed: 1 });
         assert_eq!(scene.regions.len(), 24);
         for region in &scene.regions {

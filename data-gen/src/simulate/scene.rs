@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn disparity_says_where_a_point_goes() {
+    fn a_point_moves_by_its_disparity_from_view_to_view() {
         // What view u shows at x + d·u is what the central view shows at x, wherever nothing hides it.
         let camera = camera();
         for name in [SceneName::Flat, SceneName::Slanted, SceneName::Planes, SceneName::Natural] {

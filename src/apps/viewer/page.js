@@ -1,4 +1,4 @@
-// Hands, keys and the order of drawing.
+// Pointer and keyboard input, and the order of drawing.
 const problems = [];
 addEventListener("error", (e) => problems.push(String(e.message)));
 addEventListener("unhandledrejection", (e) => problems.push(String(e.reason)));
@@ -6,7 +6,7 @@ const stage = $("stage");
 $("depth").width = width;
 $("depth").height = height;
 let painter = choosePainter(problems);
-// Pictures drawn so far, and whether what stands is at rest and at full quality.
+// Pictures drawn so far, and whether the picture shown is at rest and at full quality.
 const painted = { frames: 0, still: false };
 
 let ready = false, queued = false, last = 0, settle = 0;
@@ -19,7 +19,7 @@ function show() {
   $("aperture").value = Math.round(100 * state.aperture);
   $("aperture-value").value = Math.round(100 * state.aperture) + " %";
 }
-// The picture at rest; another change calls it off.
+// The picture at rest; another change cancels it.
 async function rest() {
   last = 0;
   const scale = state.scale;
@@ -34,7 +34,7 @@ function change() {
   painted.still = false;
   requestAnimationFrame((now) => {
     queued = false;
-    // While things move, the size follows what the machine can do.
+    // While things move, the size follows the speed of the machine.
     const step = now - last;
     if (step < 400) {
       if (step > 34) state.scale = Math.max(0.35, state.scale * 0.8);
@@ -57,7 +57,7 @@ $("view").addEventListener("webglcontextlost", async () => {
   change();
 });
 
-// Depth of the middle view, for focusing where one points.
+// Depth of the middle view, for focusing at the pointer.
 let depth = null;
 async function readDepth() {
   const image = await bitmap(data.depth, "image/png");
@@ -76,7 +76,7 @@ async function readDepth() {
 const pixel = (x, n) => Math.max(0, Math.min(n - 1, Math.floor(x)));
 const disparityAt = (x, y) => low + ((high - low) * depth[4 * (pixel(y, height) * width + pixel(x, width))]) / 255;
 
-// The set shown changes once its pictures are there; of several choices the last one counts.
+// The set shown changes once its pictures are there; of several choices the last one is shown.
 let chosen = 0;
 async function choose(k) {
   chosen = k;

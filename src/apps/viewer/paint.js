@@ -15,10 +15,10 @@ const bitmap = (text, type) => {
 const bitmaps = data.sets.map(() => null);
 const load = (k) => (bitmaps[k] ??= Promise.all(data.sets[k].views.map((text) => bitmap(text, "image/jpeg"))));
 
-// How much the view (u, v) counts from the present viewpoint: a soft disc, never smaller than what joins neighbours.
+// Weight of the view (u, v) from the present viewpoint: a soft disc, never smaller than what joins neighbours.
 const radius = () => Math.max(0.5, state.aperture * reach);
 const weight = (u, v) => Math.max(0, Math.min(1, radius() + 0.5 - Math.hypot(u - state.u, v - state.v)));
-// The views that count, with their offsets from the middle and weights, column by column.
+// The views with a weight, with their offsets from the middle and weights, column by column.
 function seen() {
   const list = [];
   for (let u = 0; u < columns; u++) {
@@ -30,7 +30,7 @@ function seen() {
   return list;
 }
 
-// On a graphics processor. Where WebGL2 would be drawn in software the other way is faster by far; `#webgl` insists.
+// On a graphics processor. Where WebGL2 would be drawn in software the plain canvas is much faster; `#webgl` forces WebGL2.
 function webgl(canvas) {
   if (options.has("plain")) return null;
   const wish = { alpha: false, antialias: false, preserveDrawingBuffer: true, failIfMajorPerformanceCaveat: !options.has("webgl") };
@@ -57,7 +57,7 @@ function webgl(canvas) {
       place = vec2(p.x * 0.5 + 0.5, 0.5 - p.y * 0.5);
       gl_Position = vec4(p, 0.0, 1.0);
     }`));
-  // The views are stored with the screen's curve and decoded by the texture unit: the sum is one of light.
+  // The views are stored with the screen's curve and decoded by the texture unit: the sum is in linear light.
   gl.attachShader(program, shader(gl.FRAGMENT_SHADER, `#version 300 es
     precision highp float;
     precision highp sampler2DArray;
@@ -217,7 +217,7 @@ function addShifted(light, share, bytes, dx, dy, w) {
   }
 }
 
-// A canvas that has once tried one way cannot go the other: the second way gets a new one.
+// A canvas has one kind of context for good: the second painter gets a new canvas.
 function choosePainter(problems) {
   try {
     const painter = webgl($("view"));

@@ -11,11 +11,13 @@ use crate::error::Error;
 ///
 /// | name | default | purpose | range |
 /// |---|---|---|---|
-/// | `footprints` | lenslet, point | what a sample sees, one model for each; grid: a rectangular grid | 1 to 4 of them |
-/// | `base` | by footprint | interpolation of the low images: barycentric, bicubic for grids; multiview where the caller makes the crops | |
+/// | `footprints` | lenslet, point | what a sample is, one model for each; grid: a rectangular grid | 1 to 4 of them |
+/// | `base` | by footprint | interpolation of the low images: barycentric; bicubic for grids; or multiview | |
 /// | `pitch` | 1080/328 | distance of the samples, output pixels | 1 … 64 |
 /// | `rotation` | 0.002 | rotation of the lattice, radians | −π … π |
 /// | `noise` | 0 | standard deviation of noise on the samples (range 0..1) | 0 … 1 |
+///
+/// The base `multiview` is for [`crate::train_on_crops`], whose crops the caller makes.
 #[derive(Debug, Clone, PartialEq)]
 #[allow(missing_docs)] // in the table above
 pub struct DegradationParameters {

@@ -9,7 +9,7 @@ use crate::error::Error;
 ///
 /// | name | default | purpose | range |
 /// |---|---|---|---|
-/// | `beside` (field `side_inputs`) | none | other images of the view as inputs: barycentric, cubic; where the caller makes them | |
+/// | `beside` (field `side_inputs`) | none | further inputs of the base multiview: barycentric, cubic | |
 /// | `features` | \[60\] | principal components kept of the low image, then of each side input | 2 … (window+4)² − 1 |
 /// | `window` | 9 | side of the window whose gradients are features | odd, 3 … 25 |
 /// | `patch` | 5 | side of a residual patch | odd, 3 … window + 4 |

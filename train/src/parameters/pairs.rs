@@ -11,9 +11,11 @@ use crate::error::Error;
 /// | `crop` | | 256 | side of a crop, pixels | 32 … 4096 |
 /// | `crops` | | 6 | crops a photo | 1 … 10 000 |
 /// | `shrink` | | 1.5 | photos are made smaller by this first | 1 … 16 |
-/// | `held_out` | | 8 | every n-th photo is kept for scores; of fewer photos the last one, or a quarter of each | 0 (none), 2 … |
+/// | `held_out` | | 8 | every n-th photo is kept for scores (of few photos see below) | 0 (none), 2 … |
 /// | `linear_light` | | false | photos hold linear light, not sRGB-encoded values | |
 /// | `memory` | | 4 | GiB that pairs and crops may take: fewer pairs where they would not fit | 0.05 … 1024 |
+///
+/// Of fewer than `held_out` photos crops of the last one are kept for scores, of one to three photos a quarter of each.
 #[derive(Debug, Clone, PartialEq)]
 #[allow(missing_docs)] // in the table above
 pub struct PairParameters {

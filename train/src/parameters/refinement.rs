@@ -8,7 +8,7 @@ use crate::error::Error;
 /// | name | field | default | purpose | range |
 /// |---|---|---|---|---|
 /// | `refine` | `epochs` | 6 | epochs of refinement | 0 … 1000 |
-/// | `rate` | | 0.03 | first learning rate of Adam, relative to the RMS of the atoms; it falls to a fiftieth as half a cosine | 0 … 1 |
+/// | `rate` | | 0.03 | first learning rate of Adam, relative to the RMS of the atoms; annealed to a fiftieth | 0 … 1 |
 /// | `emphasis` | | 1 | pairs are weighted by their norm to this power: 0 treats patches alike, 2 pixels | 0 … 2 |
 #[derive(Debug, Clone, PartialEq)]
 #[allow(missing_docs)] // in the table above

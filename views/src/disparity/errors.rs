@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn errors_count_what_they_should() {
+    fn errors_follow_their_definitions() {
         let truth = Array2::from_elem((10, 10), 1.0f32);
         let mut found = truth.clone();
         found[[5, 5]] = 1.1;

@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_used_is_refused() {
+    fn unusable_light_fields_and_options_are_refused() {
         let silent = lenslet_core::progress::Silent;
         let grid = || vec![vec![Plane::filled(20, 20, 0.5); 2]; 2];
         let refused = |o: Options| estimate_planes(grid(), &o, &silent).is_err();

@@ -62,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn specks_go_and_things_stay() {
+    fn specks_are_filled_and_larger_patches_stay() {
         let (width, height) = (60usize, 40usize);
         let clean = |k: usize| {
             let (s, t) = ((k % width) as f32, (k / width) as f32);

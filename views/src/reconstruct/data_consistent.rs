@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn a_refined_view_is_reconstructed_beside_its_own_samples() {
+    fn a_refined_view_is_reconstructed_with_its_own_samples() {
         let samples = samples();
         let dictionary = crate::reconstruct::embedded_for(Interpolation::Multiview).unwrap();
         let reconstructor = Reconstructor::new(&dictionary, &Options::default()).unwrap();

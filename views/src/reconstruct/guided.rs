@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_of_colours_goes_and_colours_stay() {
+    fn colour_noise_is_removed_and_colours_stay() {
         let (clean, noisy) = scene(0.12);
         let y = luminance(noisy.view());
         let calm = with_luminance(&noisy, &y, &y, 3);

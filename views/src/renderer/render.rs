@@ -23,7 +23,8 @@ use crate::target::{Sink, mean_pitch};
 /// use ndarray::Array3;
 ///
 /// // One view of a grey wall, seen by 10 x 10 lenslets 10 sensor pixels apart.
-/// let centres: Vec<[f64; 2]> = (0..100).map(|k| [4.5 + 10.0 * (k % 10) as f64, 4.5 + 10.0 * (k / 10) as f64]).collect();
+/// let place = |k: i32| 4.5 + 10.0 * f64::from(k);
+/// let centres: Vec<[f64; 2]> = (0..100).map(|k| [place(k % 10), place(k / 10)]).collect();
 /// let samples = HexSamples {
 ///     sensor: (100, 100),
 ///     index: (0..100).map(|k| [k % 10, k / 10]).collect(),

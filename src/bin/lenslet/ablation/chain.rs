@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn records_have_the_names_they_always_had() {
+    fn records_keep_their_names() {
         let json = serde_json::to_string(&Chain::default()).unwrap();
         let expected = r#"{"calibration":"full","vignetting":true,"demosaic":"lenslet","views":7,"way":"barycentric","noise":0.7}"#;
         assert_eq!(json, expected);

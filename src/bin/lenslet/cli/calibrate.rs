@@ -25,8 +25,8 @@ const MOST_BLACKS: usize = 8;
 Example: lenslet calibrate white-00.lfp white-01.lfp --out cam.calib
 
 White images are captures of an evenly lit white surface; several of one camera, zoom and focus are averaged. Accepted are
-.lfp containers, .raw with the .txt or .json beside it, and mosaics as png, tif or jpg. Of several images, those that are of no use
-are left out with a note.")]
+.lfp containers, .raw with the .txt or .json beside it, and mosaics as png, tif or jpg. Of several images, unusable ones are left out
+with a note.")]
 pub struct Args {
     /// White images of one camera
     #[arg(required_unless_present_any = ["from_captures", "bundle"], value_name = "WHITE")]

@@ -15,7 +15,7 @@ use super::{Context, Outcome, Usage};
 Example: lenslet convert antinous/ --out antinous.npy
          lenslet convert rectified.eslf.png --views 14 --out lf/ --crop-views 7
 
-Reads: our directory, .npy (float32, float64, uint8, uint16; v,u,t,s,c), folders of numbered pictures
+Reads: lenslet's directory, .npy (float32, float64, uint8, uint16; v,u,t,s,c), folders of numbered pictures
 (input_Cam042.png, view_3_5.png, IMG_0001_017_02_04.png), ESLF / lenslet pictures (with --views), MATLAB .mat of
 level 5 (variable LF). Writes: dir (16-bit PNG a view), npy (float32), mat (LF, single), eslf (16-bit PNG).")]
 pub struct Args {

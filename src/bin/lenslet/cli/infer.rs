@@ -22,9 +22,9 @@ Example: lenslet infer barycentric.lf --out learned.lf
          lenslet infer other-tool/ --out sharp/ --scale 3
          lenslet infer rectified.eslf.png --views 14 --out sharp.npy --fast
 
-Light fields decoded by lenslet have their final size already, and the samples measured beside them stay true. Those of
-other tools are enlarged first, bicubically, by --scale (default: the dictionary's pitch, rounded), as if each of their
-pixels were a sample; their embedded dictionary is x2 or x3, by --scale.")]
+Light fields decoded by lenslet have their final size already, and results are back-projected onto the measured samples
+beside them (samples.npz). Those of other tools are enlarged first, bicubically, by --scale (default: the dictionary's
+pitch, rounded), as if each of their pixels were a sample; their embedded dictionary is x2 or x3, by --scale.")]
 pub struct Args {
     #[command(flatten)]
     source: SourceArgs,

@@ -22,7 +22,7 @@ use super::{Context, Outcome, Usage};
 Example: lenslet refocus decoded/ --at 540,700 --out sharp-there.png
          lenslet refocus decoded/ --sweep=-1.5:1.5:31 --out stack.gif
 
-Disparity is the shift of a scene point between neighbouring views, in pixels. The output's name decides what is
+Disparity is the shift of a scene point between neighbouring views, in pixels. The ending of --out selects what is
 written: .png a picture, .gif or .apng an animation, anything else a directory with one numbered PNG a slice.")]
 pub struct Args {
     /// The light field

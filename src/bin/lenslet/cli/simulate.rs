@@ -19,9 +19,10 @@ Examples: lenslet simulate --out sim
           lenslet simulate --photo wall.jpg print.jpg --out photos
           lenslet simulate --camera lytro-illum --out illum
 
-Writes capture.lfp (capture.lfr where the camera puts a white image into it), white-00.lfp ..., and truth/: centres.npy (N x 2: x, y in sensor pixels, pixel centres at integers),
-views/ (a light field), disparity.npy (central view, output pixels per view step: a point at x in the central view is
-at x + D*u in view u), scene.json (camera, scene, and where the charts' elements are).
+Writes capture.lfp (capture.lfr where the camera puts a white image into it), white-00.lfp ..., and truth/:
+centres.npy (N x 2: x, y in sensor pixels, pixel centres at integers), views/ (a light field), disparity.npy
+(central view, output pixels per view step: a point at x in the central view is at x + D*u in view u), scene.json
+(camera, scene, and where the charts' elements are).
 A scene's detail is drawn in lenslet pitches, so a small sensor sees a smaller piece at the same detail.")]
 pub struct Args {
     /// natural, planes, slanted, occluders, chart, colour, white or flat

@@ -21,7 +21,8 @@ use super::{Context, Outcome, Usage};
 Example: lenslet view decoded/ --out page.html
          lenslet view barycentric/ multiview/ learned/ --out compare.html
 
-Several light fields of one capture get a button each. page.html#focus=-0.5,aperture=0.4,depth,epi opens so set.")]
+Several light fields of one capture get a button each. page.html#focus=-0.5,aperture=0.4,depth,epi opens with
+these settings.")]
 pub struct Args {
     /// The light field; more of the same capture to switch between
     #[arg(required = true, num_args = 1..=8)]

@@ -18,8 +18,8 @@ use super::{Context, Outcome, Usage};
 #[command(after_help = "\
 Example: lenslet viewpoint decoded/ --path circle --out wiggle.gif
 
-Views between the measured ones follow each pixel's disparity. The output's name decides: .gif an animation of 256
-colours, .apng one of all colours, anything else a directory of numbered PNGs.")]
+Views between the measured ones follow each pixel's disparity. The ending of --out selects the format: .gif an
+animation of 256 colours, .apng one of all colours, anything else a directory of numbered PNGs.")]
 pub struct Args {
     /// The light field
     light_field: PathBuf,

@@ -7,7 +7,7 @@ for (const section of document.querySelectorAll(".compare")) {
   frame.tabIndex = 0;
   frame.setAttribute("role", "group");
   frame.setAttribute("aria-label", section.getAttribute("aria-label") + ": arrow keys move the crop");
-  // Small crops are not blown up beyond what can be seen in them.
+  // Small crops are enlarged only up to a limit.
   section.style.setProperty("--wide", Math.max(440, Math.min(760, Number(images[0].getAttribute("width")))) + "px");
   const under = make("img", "under", frame), over = make("img", "over", frame);
   make("span", "line", frame);

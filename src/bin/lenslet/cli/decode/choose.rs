@@ -80,7 +80,7 @@ impl CalibrationStore {
         if self.place.is_none() {
             let Some(white) = &capture.white else {
                 return Err(
-                    Usage("--calibration is needed: the capture carries no white image of its own".into()).into()
+                    Usage("--calibration is needed: the capture contains no white image".into()).into()
                 );
             };
             let own = calibration::calibrate(
@@ -99,7 +99,7 @@ impl CalibrationStore {
         let camera = &capture.camera;
         let same = |a: &Option<String>, b: &Option<String>| matches!((a, b), (Some(a), Some(b)) if a == b);
         let other = |a: &Option<String>, b: &Option<String>| matches!((a, b), (Some(a), Some(b)) if a != b);
-        // Another body's lenslets lie elsewhere: never taken silently where both sides name theirs.
+        // Another body's lenslets lie elsewhere: never chosen where both serial numbers are known and differ.
         let best = fitting.iter().filter(|c| !other(&c.origin.serial, &camera.serial)).min_by_key(|c| {
             (
                 !same(&c.origin.serial, &camera.serial),
@@ -110,7 +110,7 @@ impl CalibrationStore {
         let only = self.candidates.len() == 1;
         let (path, reason) = match best {
             Some(c) => (c.path.clone(), reason(c, camera, only)),
-            // The only one there is does not fit: the check below has the reason.
+            // The only one does not fit: the compatibility check gives the reason.
             None if only => (self.candidates[0].path.clone(), String::new()),
             None => return Err(self.nothing(capture)),
         };
