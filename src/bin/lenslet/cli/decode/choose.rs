@@ -79,9 +79,7 @@ impl CalibrationStore {
     pub fn choose(&mut self, capture: &Capture, context: &Context) -> anyhow::Result<(&Calibration, String)> {
         if self.place.is_none() {
             let Some(white) = &capture.white else {
-                return Err(
-                    Usage("--calibration is needed: the capture contains no white image".into()).into()
-                );
+                return Err(Usage("--calibration is needed: the capture contains no white image".into()).into());
             };
             let own = calibration::calibrate(
                 std::slice::from_ref(&**white),
