@@ -45,7 +45,7 @@ impl fmt::Display for Interpolation {
 
 /// A name that does not belong to any [`Interpolation`].
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("no interpolation \"{0}\": one of bicubic, barycentric, cubic, multiview")]
+#[error("unknown interpolation \"{0}\": it must be bicubic, barycentric, cubic or multiview")]
 pub struct UnknownInterpolation(pub String);
 
 impl FromStr for Interpolation {

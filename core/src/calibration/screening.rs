@@ -10,8 +10,8 @@ use crate::progress::Observer;
 /// An image that passed the screening, and its index in the list given, from 0.
 pub type Screened<'a> = (usize, &'a Capture);
 
-/// The images that are undamaged, lit, and of the same camera as more than half of them. A note to the observer says of
-/// each of the others why it was left out.
+/// The images that are undamaged, lit, and of the same camera as more than half of them. The observer receives a note
+/// for each of the others, with the reason.
 ///
 /// # Errors
 /// Where none is left, the error of the first bad one; where no camera has more than half of the images,

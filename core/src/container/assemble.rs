@@ -55,7 +55,7 @@ pub(super) fn assemble_capture(
 /// Unpacks an image by its metadata, else by a profile.
 ///
 /// # Errors
-/// When neither says how the image is stored, or there are too few bytes for it.
+/// When neither states how the image is stored, or there are too few bytes for it.
 pub(super) fn unpack_image(
     path: &Path,
     facts: &FrameFacts,
@@ -67,15 +67,15 @@ pub(super) fn unpack_image(
     let Some((width, height)) = facts.size.or(from_profile) else {
         return Err(Error::unsupported(
             path,
-            format!("nothing says how large the image of {} bytes is; name the camera with --profile", bytes.len()),
+            format!("the width and height of the image of {} bytes are not known; name the camera with --profile", bytes.len()),
         ));
     };
     let Some(packing) = facts.packing.or(profile.map(|p| p.sensor.packing)) else {
-        return Err(Error::unsupported(path, "nothing says how the pixels are packed; name the camera with --profile"));
+        return Err(Error::unsupported(path, "the packing of the pixels is not known; name the camera with --profile"));
     };
     if facts.size.is_none() || facts.packing.is_none() {
         warnings.push(format!(
-            "the metadata does not say how the image is stored; taken as {width}x{height} of {} bit",
+            "the metadata does not state how the image is stored; taken as {width}x{height} of {} bit",
             packing.bits()
         ));
     }

@@ -41,8 +41,7 @@ pub struct Capture {
 }
 
 impl Capture {
-    /// A capture of which nothing is known but its pixels, filter array and levels: neutral colours, no camera, no
-    /// lenslets.
+    /// A capture with pixels, filter array and levels only: neutral colours, no facts of the camera or of its lenslets.
     ///
     /// ```
     /// use lenslet_core::container::{Capture, Cfa, Levels, RawMosaic};

@@ -22,10 +22,10 @@ pub enum Error {
     NotRecognised {
         /// Which file.
         path: PathBuf,
-        /// What was looked for.
+        /// What was expected.
         reason: String,
     },
-    /// The file starts as it should, then breaks its own format.
+    /// The file begins as expected, but is damaged or violates its format.
     #[error("{}: {reason}", path.display())]
     Malformed {
         /// Which file.
@@ -33,7 +33,7 @@ pub enum Error {
         /// What is wrong, and where.
         reason: String,
     },
-    /// A valid file that holds nothing of the kind asked for.
+    /// A valid file whose contents are not supported.
     #[error("{}: {reason}", path.display())]
     Unsupported {
         /// Which file.

@@ -10,7 +10,7 @@ pub const MAX_TEXT: usize = 8 << 20;
 /// Parses the first JSON value of `bytes`; what follows it is ignored, nesting deeper than 128 is refused.
 ///
 /// # Errors
-/// A line saying what is wrong, when the text is too long or not JSON.
+/// A line that says what is wrong, when the text is too long or not JSON.
 ///
 /// ```
 /// use lenslet_core::container::json;

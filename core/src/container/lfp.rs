@@ -1,4 +1,4 @@
-//! A capture from a container: the first frame in its table of contents, with its metadata and white image.
+//! A capture from a container: the first frame of its table of contents, with its metadata and white image.
 
 use serde_json::Value;
 

@@ -72,7 +72,7 @@ pub fn read_frame(root: &Value, private: Option<&Value>) -> (FrameFacts, Vec<Str
     let (is_white, is_dark) = frame_tags(root);
     let mut warnings = Vec::new();
     let mut drop = |what: &str, found: &dyn std::fmt::Debug| {
-        warnings.push(format!("metadata: {what} makes no sense ({found:?}) and was ignored"))
+        warnings.push(format!("metadata: {what} is out of range ({found:?}) and was ignored"))
     };
 
     let size = match (integer_at(m, "image.width"), integer_at(m, "image.height")) {

@@ -45,7 +45,7 @@ impl Capture {
         read_capture(path.as_ref(), None)
     }
 
-    /// Opens a capture file, with `camera` for what the file does not say.
+    /// Opens a capture file; facts that it lacks are taken from `camera`.
     ///
     /// # Errors
     /// As [`Capture::open`].

@@ -45,7 +45,7 @@ impl Packing {
         }
     }
 
-    /// `big` or `little`, as metadata says it.
+    /// Byte order as metadata write it: `big` or `little`.
     pub fn endianness(self) -> &'static str {
         match self {
             Packing::Be12 | Packing::Be16 => "big",

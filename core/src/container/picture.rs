@@ -96,7 +96,7 @@ fn profile_by_size(width: usize, height: usize, warnings: &mut Vec<String>) -> R
 fn size_warning(width: usize, height: usize, profile: &CameraProfile) -> Option<String> {
     let (w, h) = (profile.sensor.width, profile.sensor.height);
     ((w, h) != (width, height)).then(|| {
-        format!("the image has {width}x{height} pixels, the camera {} {w}x{h}: levels and colour are its, the colour filter array may start elsewhere", profile.name)
+        format!("the image has {width}x{height} pixels, the camera {} {w}x{h}: its levels and colour are used, but the colour filter array may be shifted", profile.name)
     })
 }
 
@@ -116,7 +116,7 @@ fn decode_picture(path: &Path, bytes: &[u8]) -> Result<(RawMosaic, u32), Error> 
     let colour = || {
         Error::unsupported(
             path,
-            "a colour picture, not a raw mosaic: its red, green and blue differ; a mosaic has one value a pixel, as the sensor gave it",
+            "a colour picture, not a raw mosaic: its red, green and blue differ; a mosaic has one value per pixel, as read from the sensor",
         )
     };
     let wide = |v: Vec<u8>| v.into_iter().map(u16::from).collect::<Vec<u16>>();

@@ -18,7 +18,7 @@ const MAX_FILE: u64 = 512 << 20;
 /// Reads a packed raw file.
 ///
 /// # Errors
-/// When nothing says how it is stored, or its length is not that of its pixels.
+/// When its packing or size is not known, or its length is not that of its pixels.
 pub(super) fn capture_from_raw(path: &Path, profile: Option<&CameraProfile>) -> Result<Capture, Error> {
     let (_, length) = file::open(path)?;
     let mut warnings = Vec::new();

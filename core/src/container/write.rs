@@ -1,4 +1,4 @@
-//! Captures into containers: the F01's layout (contents first) or, for captures that carry a white image, the Illum's.
+//! Captures into containers: the F01's layout (contents first) or, for captures with a white image, the Illum's.
 
 use std::io::Write;
 use std::path::Path;

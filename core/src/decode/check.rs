@@ -27,7 +27,7 @@ fn check_capture(capture: &Capture) -> Result<(), Error> {
     }
     let finite = |v: &[f32]| v.iter().all(|v| v.abs() < 1e6);
     if !finite(&capture.colour.ccm) || !capture.colour.white_balance.iter().all(|&g| g > 0.0 && g < 1e3) {
-        return Err(Error::Capture("its white balance or colour matrix has no sensible values".into()));
+        return Err(Error::Capture("its white balance or colour matrix is out of range".into()));
     }
     Ok(())
 }

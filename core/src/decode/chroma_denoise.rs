@@ -78,7 +78,8 @@ fn smooth_view(view: &mut [f32], tables: &[Vec<u32>], ring: usize) {
                     *s += weight * c;
                 }
             }
-            // Colour and light are summed together, so bright neighbours, whose colour is least noisy, weigh most.
+            // Colour and light are summed together, so bright neighbours, whose colour is least noisy, have the most
+            // weight.
             let scale = colour[k][2] / sum[2];
             next[k] = [sum[0] * scale, sum[1] * scale, colour[k][2]];
         }

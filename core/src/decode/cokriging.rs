@@ -1,4 +1,4 @@
-//! Demosaic by co-kriging: every view's colour at every lenslet, straight from the pixels of its own micro-image.
+//! Demosaic by co-kriging: every view's colour at every lenslet, directly from the pixels of the lenslet's micro-image.
 //!
 //! Objective: of all linear estimates from the lenslet's own pixels that return every constant colour and every linear
 //! change of light over the micro-image exactly, the one with the least expected squared error (ordinary co-kriging).
@@ -43,8 +43,8 @@ const COLOUR_SHARE: f64 = 0.5;
 ///
 /// Source: chosen.
 const NOISE: f64 = 0.006;
-/// Variance (pixels², an axis) of the places whose light a pixel collects: the pixel's own area, and optical blur of
-/// 0.6 pixels.
+/// Variance (pixels², per axis) of the positions whose light a pixel collects: that of the pixel's area, 1/12, and of
+/// an optical blur of σ 0.6 pixels.
 ///
 /// Source: chosen.
 const SPREAD: f64 = 1.0 / 12.0 + 0.36;
@@ -99,7 +99,7 @@ pub(super) fn sample_views(
     let channels = if cfa == Cfa::Mono { 1 } else { 3 };
     let n = samples.views * samples.views;
 
-    // Lenslets by the sub-pixel position of their centre; the order within depends on nothing but the lattice.
+    // Lenslets by the sub-pixel position of their centre; the order within a group depends on the lattice only.
     let mut order: Vec<(u32, u32)> =
         samples.centres.iter().enumerate().map(|(k, c)| (phase_key(*c), k as u32)).collect();
     order.par_sort_unstable();
@@ -191,8 +191,8 @@ fn mean_profile(calibration: &Calibration) -> Vec<f64> {
     light.iter().map(|l| (l / full).clamp(0.02, 1.0)).collect()
 }
 
-/// Mean place of the light that the pixel at `d` from its lenslet's centre collects: there is more on the brighter
-/// side, so it is nearer to the middle by the spread times the slope of the logarithm of the white image.
+/// Mean position of the light that the pixel at `d` from its lenslet's centre collects: `d`, moved towards the brighter
+/// side by [`SPREAD`] times the slope of the logarithm of the white image.
 fn light_centre(d: [f64; 2], light: &[f64]) -> [f64; 2] {
     let r = d[0].hypot(d[1]);
     let at = |r: f64| {

@@ -99,7 +99,7 @@ mod tests {
                 assert_eq!(q, [0.0; 3]);
                 continue;
             }
-            // The colour's part of both points the same way.
+            // The chromatic parts of both have the same direction.
             let (d, e) = (p.map(|v| v - y), q.map(|v| v - z));
             let dot: f32 = (0..3).map(|c| d[c] * e[c]).sum();
             let (dd, ee): (f32, f32) = (d.iter().map(|v| v * v).sum(), e.iter().map(|v| v * v).sum());

@@ -1,4 +1,4 @@
-//! Which pixels belong to a micro-image: those nearer to its own centre than to the lenslets around.
+//! Which pixels belong to a micro-image: those nearer to its centre than to the centres of the lenslets around it.
 
 use crate::calibration::Lattice;
 
@@ -16,7 +16,7 @@ pub(super) fn neighbour_offsets(lattice: &Lattice) -> Vec<[f64; 2]> {
     found
 }
 
-/// Whether an offset is nearer to its own centre than to the lenslets around.
+/// Whether an offset from a lenslet's centre is nearer to it than to the centres around it.
 pub(super) fn is_within(lattice: &Lattice, d: [f64; 2]) -> bool {
     neighbour_offsets(lattice).iter().all(|n| d[0] * n[0] + d[1] * n[1] <= (n[0] * n[0] + n[1] * n[1]) / 2.0)
 }

@@ -40,7 +40,7 @@ pub(super) fn develop_mosaic(
                         *o /= (f32::from(w) / 32768.0).max(MIN_WHITE);
                     }
                 }),
-                None => observer.note("the calibration has no white image: vignetting stays"),
+                None => observer.note("the calibration has no white image: vignetting is not corrected"),
             },
             RawStep::HotPixels => {
                 hot_pixels::replace_listed(&mut out, &calibration.hot_pixels);

@@ -47,7 +47,7 @@ impl Demosaic {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RawStep {
     /// Subtract the black level of each colour. Without it black counts as light. It is part of reading the digital
-    /// numbers, wherever it stands in the list.
+    /// numbers, at whatever place in the list.
     BlackLevel,
     /// Divide by the white image, where the calibration has one.
     Vignetting,

@@ -10,7 +10,7 @@ pub enum TriangulationError {
     #[error("centre {0} is not a finite position near the sensor")]
     NotFinite(usize),
     /// Two centres are at the same position.
-    #[error("two of the {0} centres share one place")]
+    #[error("two of the {0} centres are at the same position")]
     Duplicate(usize),
     /// The centres span no area.
     #[error("{0} centres span no triangle: at least three that are not on one line are needed")]
@@ -89,7 +89,7 @@ fn edge(t: [u32; 3], k: usize) -> [u32; 2] {
 }
 
 fn without_slivers(centres: &[[f64; 2]], triangles: Vec<[u32; 3]>) -> Triangulation {
-    // Every edge with its triangles, sorted so that the two sides of an inner edge stand together.
+    // Every edge with its triangle, sorted so that the two sides of an inner edge are adjacent.
     let mut sides: Vec<([u32; 2], u32, u8)> = Vec::with_capacity(triangles.len() * 3);
     for (n, &t) in triangles.iter().enumerate() {
         for k in 0..3 {

@@ -75,7 +75,7 @@ pub(super) struct BlockViews {
 }
 
 impl BlockViews {
-    /// A light field of the file `path`; `block` holds what `meta` says.
+    /// The light field of the file `path`; the shape of `block` is that of `meta`.
     pub(super) fn new(path: &Path, meta: Meta, block: SampleBlock) -> Self {
         BlockViews { path: path.to_path_buf(), meta, block }
     }

@@ -109,7 +109,7 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<BlockViews, Err
     if array.bytes != expected {
         return Err(malformed(
             path,
-            format!("variable {} has {} bytes, its shape asks for {expected}", array.name, array.bytes),
+            format!("variable {} has {} bytes, its shape needs {expected}", array.name, array.bytes),
         ));
     }
     if expected > MAX_ARRAY {
@@ -144,7 +144,7 @@ fn find_light_field(file: &mut File, path: &Path, length: u64, big: bool) -> Res
         let (kind, size) = read_tag(file, big).map_err(|_| malformed(path, "ends within a variable"))?;
         let start = at + 8;
         if size > length - start {
-            let reason = format!("ends early: {length} bytes, a variable at {at} promises {size} more");
+            let reason = format!("ends early: {length} bytes, the variable at byte {at} has {size} more");
             return Err(malformed(path, reason));
         }
         at = start + size;

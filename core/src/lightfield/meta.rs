@@ -88,7 +88,7 @@ impl Meta {
             ));
         }
         if self.channels != 1 && self.channels != 3 {
-            return bad(format!("{} channels: only 1 or 3 can be", self.channels));
+            return bad(format!("{} channels: the number must be 1 or 3", self.channels));
         }
         if let Some(w) = &self.weights
             && (w.len() != self.views[0] * self.views[1] || !w.iter().all(|w| (0.0..=1.0).contains(w)))

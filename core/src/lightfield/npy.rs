@@ -137,7 +137,7 @@ impl Reader {
         let values = (views[0] * views[1]) as u64 * (size[0] * size[1] * stored) as u64;
         let expected = start + values * number.kind.bytes() as u64;
         if length < expected {
-            return Err(malformed(path, format!("ends early: {length} bytes, its header promises {expected}")));
+            return Err(malformed(path, format!("ends early: {length} bytes, its header needs {expected}")));
         }
         let whole = if header.fortran {
             let (vu, ts) = ((views[0], views[1]), (size[0], size[1]));

@@ -97,7 +97,7 @@ fn arrange_names(names: Vec<String>, wanted: Option<[usize; 2]>) -> Result<([usi
     }
     let largest: Vec<&String> = groups.iter().filter(|(_, g)| g.len() == most).map(|(p, _)| p).collect();
     if let [first, second, ..] = largest[..] {
-        return Err(format!("as many pictures named {first} as {second}: put the views alone into a folder"));
+        return Err(format!("there are as many pictures named {first} as {second}: put the views alone into a folder"));
     }
     let Some((pattern, mut group)) = groups.into_iter().find(|(_, g)| g.len() == most) else {
         return Err("no pictures".into());
@@ -143,7 +143,7 @@ fn arrange_names(names: Vec<String>, wanted: Option<[usize; 2]>) -> Result<([usi
 
 /// Why several numbers in the names give no full grid; the last two are read as row and column.
 fn describe_gap(pattern: &str, distinct: &[BTreeSet<u64>], varying: &[usize], group: &[(Vec<u64>, String)]) -> String {
-    let [.., i, j] = *varying else { return format!("the names {pattern} do not say row and column") };
+    let [.., i, j] = *varying else { return format!("the names {pattern} do not contain row and column") };
     let there: BTreeSet<(u64, u64)> = group.iter().map(|(n, _)| (n[i], n[j])).collect();
     // Stops at the first gap, so at most one step more than there are files.
     let gap = distinct[i].iter().flat_map(|&r| distinct[j].iter().map(move |&c| (r, c))).find(|p| !there.contains(p));
@@ -160,7 +160,7 @@ mod tests {
     use super::*;
 
     fn named(names: impl IntoIterator<Item = String>) -> Vec<String> {
-        // Reversed, to see that the order of a listing does not matter.
+        // Reversed, to test that the order of a listing does not matter.
         let mut names: Vec<String> = names.into_iter().collect();
         names.reverse();
         names

@@ -138,7 +138,7 @@ fn warp_affine(picture: ArrayView3<f32>, a: &[f64; 6], (height, width): (usize, 
     Array3::from_shape_vec((height, width, channels), out).unwrap_or_else(|_| Array3::zeros((height, width, channels)))
 }
 
-/// The picture and its halves, quarters … each the mean of 2×2, softened first.
+/// The picture at full, half, quarter … size, each pixel the mean of 2×2 of the level before; down to [`COARSEST`].
 fn pyramid(picture: Array2<f32>) -> Vec<Array2<f32>> {
     let mut levels = vec![picture];
     while let Some(last) = levels.last()

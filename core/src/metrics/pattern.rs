@@ -1,4 +1,4 @@
-//! Contrast of a known pattern, and what is spurious beside it. With means removed, the result r over a window is split
+//! Contrast of a known pattern, and the spurious rest. With means removed, the result r over a window is split
 //! along the truth t into `r = c·t + e`, `c = ⟨r, t⟩/⟨t, t⟩`: c is the contrast, e (aliasing, zigzag, noise) is
 //! spurious.
 

@@ -158,7 +158,7 @@ fn band_sum(
     sum
 }
 
-/// The SSIM of every window, each summed over its pixels one by one: the plain twin, for tests and for maps.
+/// The SSIM of every window, each summed over its pixels one by one: the reference for tests, and for maps.
 ///
 /// # Errors
 /// As [`ssim`].

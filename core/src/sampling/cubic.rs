@@ -33,7 +33,7 @@ pub struct Cubic {
 
 impl Cubic {
     /// The tables for samples at `centres` (pixels of a `sensor` frame) and a `target` = (width, height) view. Outside
-    /// the triangulation a pixel takes what the nearest point of its outline has.
+    /// the triangulation a pixel has the value of the nearest point of its outline.
     ///
     /// # Errors
     /// As [`Weights::new`].

@@ -33,7 +33,7 @@ pub(super) fn barycentric(p: [[f64; 2]; 3], x: f64, y: f64) -> [f64; 3] {
 }
 
 /// Draws the triangles over `points` (already in output pixels) into a `width`×`height` table. A pixel on an edge goes
-/// to the first triangle of the list, so that the result depends on nothing else.
+/// to the first triangle of the list that holds it.
 pub(super) fn draw(mesh: &Triangulation, points: &[[f64; 2]], width: usize, height: usize) -> Vec<Entry> {
     let corners = |t: &[u32; 3]| t.map(|v| points[v as usize]);
     let bands = height.div_ceil(BAND);

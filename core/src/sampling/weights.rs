@@ -18,7 +18,7 @@ pub struct Weights {
 
 impl Weights {
     /// The table for samples at `centres` (pixels of a `sensor` = width, height frame) and a `target` = (width, height)
-    /// view. Outside the triangulation a pixel takes what the nearest point of its outline has.
+    /// view. Outside the triangulation a pixel has the value of the nearest point of its outline.
     ///
     /// # Errors
     /// Sizes out of range; centres that cannot be triangulated (see [`triangulate`]).

@@ -15,7 +15,7 @@ use super::penalty::Penalty;
 use super::prepared::Prepared;
 use super::solver::Solver;
 
-/// Signals a thread takes at a time; fixed, so that nothing depends on the number of threads.
+/// Signals per job; fixed, so that results do not depend on the number of threads.
 ///
 /// Source: chosen.
 const BLOCK: usize = 64;
@@ -137,7 +137,7 @@ fn check(
     options.check()?;
     if !matches!(options.solver, Solver::Auto | Solver::ActiveSet) || options.penalty.nonzeros().is_some() {
         return Err(Error::Parameter(
-            "signals with weights or samplings of their own are solved by the active set, for a λ".into(),
+            "weighted or sampled signals are solved by the active set only, with a penalty λ".into(),
         ));
     }
     if signals.ncols() != expected || dictionary.atom_count() == 0 {

@@ -1,4 +1,4 @@
-//! Sparse coding: min over φ of ½‖y − Dᵀφ‖² + λ‖φ‖₁ for millions of small problems, every answer with its duality gap.
+//! Sparse coding: min over φ of ½‖y − Dᵀφ‖² + λ‖φ‖₁ for millions of small problems, every code with its duality gap.
 //!
 //! Scaling: ½ on the data term, no 1/n, atoms of unit norm. `D` is K×m (one atom per row, as in scikit-learn), signals
 //! are N×m (one per row). [`prepare`] a dictionary once, then [`solve`] any number of signals; every solver has the

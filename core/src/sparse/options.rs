@@ -58,7 +58,7 @@ impl Options {
         let counted = self.penalty.nonzeros().is_some();
         if if counted { !self.solver.takes_nonzeros() } else { !self.solver.takes_lambda() } {
             return Err(Error::Parameter(
-                "a number of non-zeros is for OMP and homotopy, and OMP takes nothing else".into(),
+                "only OMP and homotopy accept a number of non-zeros, and OMP accepts no λ".into(),
             ));
         }
         Ok(())

@@ -16,7 +16,7 @@ use super::prepared::Prepared;
 use super::problem::{Problem, Work};
 use super::solver::{Reference, Solver};
 
-/// Signals a thread takes at a time; fixed, so that nothing depends on the number of threads.
+/// Signals per job; fixed, so that results do not depend on the number of threads.
 ///
 /// Source: chosen; ten times [`PART`].
 const BLOCK: usize = 240;
@@ -69,7 +69,7 @@ pub fn solve(dictionary: &Prepared, signals: ArrayView2<'_, f32>, options: &Opti
     }
     options.check()?;
     let signals = signals.as_standard_layout();
-    let Some(flat) = signals.as_slice() else { return Err(Error::Shape("signals without a layout".into())) };
+    let Some(flat) = signals.as_slice() else { return Err(Error::Shape("the signals are not contiguous in memory".into())) };
     let m = dictionary.signal_len();
     let blocks: Vec<Result<Codes, usize>> = flat
         .par_chunks(BLOCK * m)

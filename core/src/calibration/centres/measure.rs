@@ -15,7 +15,7 @@ use crate::linalg::solve_small;
 /// Source: chosen
 const READ_NOISE: f32 = 0.08;
 
-/// Measures every predicted lenslet; the answers are in the order of `sites`. Pixels whose residual times √w exceeds
+/// Measures every predicted lenslet; the results are in the order of `sites`. Pixels whose residual times √w exceeds
 /// `clip` times the gain (hot pixels, dust) are left out; `f64::INFINITY` leaves out none.
 pub fn measure_lenslets(
     image: &SensorImage,

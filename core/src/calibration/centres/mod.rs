@@ -1,5 +1,5 @@
-//! Sub-pixel centres: where lenslets are predicted, how a micro-image looks, what is measured, and the lattice through
-//! it.
+//! Sub-pixel centres: the predicted lenslets, the profile of a micro-image, the measured lenslets, and the lattice
+//! fitted to them.
 
 pub mod lattice_fit;
 pub mod measure;

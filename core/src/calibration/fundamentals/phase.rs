@@ -173,7 +173,7 @@ fn demodulate_tile(
             re += k * (f64::from(r) * c - f64::from(i) * s);
             im += k * (f64::from(r) * s + f64::from(i) * c);
         }
-        // Unit length (bright and dark tiles weigh the same), rotated to the phase at the sensor's centre.
+        // Unit length (bright and dark tiles have the same weight), rotated to the phase at the sensor's centre.
         let length = re.hypot(im).max(1e-30);
         let (s, c) = (-2.0 * PI * (f[w][0] * (cx - middle[0]) + f[w][1] * (cy - middle[1]))).sin_cos();
         ((re * c - im * s) / length, (re * s + im * c) / length)

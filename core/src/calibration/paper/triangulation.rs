@@ -78,7 +78,7 @@ mod tests {
             let mut truth = Vec::new();
             for j in -8i32..=8 {
                 for i in -8i32..=8 {
-                    // Two lenslets are missing, the rest stand a little off.
+                    // Two lenslets are missing, the others are slightly displaced.
                     if (i, j) == (3, 2) || (i, j) == (-2, 0) {
                         continue;
                     }

@@ -172,7 +172,7 @@ proptest! {
         seed in 0u64..1_000_000,
     ) {
         let grid = [Grid::HexRows, Grid::HexColumns, Grid::Square][kind];
-        // Square grids stretched by more than noise are no lattice of their own: the axis may be called the other's.
+        // The axes of a stretched square grid may come out exchanged; the centres are the same.
         let plant = PlantedCamera {
             grid, pitch, rotation, stretch, vignetting, seed,
             offset: [offset.0, offset.1], jitter: 0.03, width: 420, height: 360, ..PlantedCamera::default()

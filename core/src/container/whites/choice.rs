@@ -14,7 +14,7 @@ use crate::container::facts::CameraFacts;
 pub struct WhiteChoice {
     /// The white image, if there is a usable one.
     pub chosen: Option<CalibrationImage>,
-    /// Why this one; or, without one, what was looked for and what was there.
+    /// Why this one was chosen; or, without one, what was searched for and what was found.
     pub reason: String,
     /// The other images, each with the reason why it was passed over.
     pub passed: Vec<(CalibrationImage, String)>,
@@ -27,7 +27,7 @@ impl WhiteChoice {
     /// Reads the chosen white image.
     ///
     /// # Errors
-    /// When there is none (the message says what was looked for and what was there), or it cannot be read.
+    /// When there is none (the message says what was searched for and what was found), or it cannot be read.
     pub fn load(&self) -> Result<Capture, Error> {
         match &self.chosen {
             Some(c) => c.load(),
@@ -153,8 +153,8 @@ fn describe_reason(c: &CalibrationImage, want: &CameraFacts) -> String {
     let f = &c.frame.camera;
     let mut out = match (&want.serial, &f.serial) {
         (Some(_), Some(_)) => "same serial number".to_string(),
-        (Some(s), None) => format!("it does not say which camera it is of (the capture is of {s})"),
-        (None, _) => "the capture does not say which camera it is of".to_string(),
+        (Some(s), None) => format!("its serial number is not known (that of the capture is {s})"),
+        (None, _) => "the serial number of the capture is not known".to_string(),
     };
     for (word, w, h) in [("zoom", want.zoom_step, f.zoom_step), ("focus", want.focus_step, f.focus_step)] {
         out.push_str(&match (w, h) {
@@ -186,12 +186,12 @@ fn why_passed_over(best: &CalibrationImage, c: &CalibrationImage, want: &CameraF
         }
     }
     if want.serial.is_some() && f.serial.is_none() && b.serial.is_some() {
-        return "it does not say which camera it is of".into();
+        return "its serial number is not known".into();
     }
     if c.mean < best.mean { "the darker exposure".into() } else { "as good as the chosen one".into() }
 }
 
-/// What was looked for, and what was there, in one line.
+/// What was searched for, and what was found, in one line.
 fn describe_absence(
     want: &CameraFacts,
     size: (usize, usize),

@@ -65,7 +65,7 @@ impl CalibrationImage {
     /// Reads the whole image.
     ///
     /// # Errors
-    /// When it cannot be read, or its size is not what its metadata says.
+    /// When it cannot be read, or its size is not that in its metadata.
     pub fn load(&self) -> Result<Capture, Error> {
         let bytes = self.member.read(MAX_IMAGE)?;
         let mut warnings = Vec::new();
@@ -97,14 +97,14 @@ impl CalibrationImage {
 /// Classifies an image by a sample of its pixels: [`STRETCHES`] of [`STRETCH`] bytes.
 ///
 /// # Errors
-/// When nothing says how it is stored, or its length is not that of its pixels.
+/// When its packing or its levels are not known, or its length is not that of its pixels.
 pub(super) fn classify(member: Member, frame: FrameFacts) -> Result<CalibrationImage, Error> {
     let profile = profile_for(&frame, member.length);
     let describe = |reason: &str| Error::malformed(&member.path, format!("{}: {reason}", member.name));
     let packing = frame
         .packing
         .or(profile.map(|p| p.sensor.packing))
-        .ok_or_else(|| describe("nothing says how its pixels are packed"))?;
+        .ok_or_else(|| describe("the packing of its pixels is not known"))?;
     let levels = frame
         .levels
         .clone()

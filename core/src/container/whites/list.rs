@@ -20,7 +20,7 @@ pub struct CalibrationImages {
 }
 
 /// Lists the images of a calibration folder, `data.C.n` bundle or .tar archive: packed .RAW files with their
-/// metadata, and containers tagged as white images or called `white…` or `MOD…`.
+/// metadata, and containers that are tagged as white images or whose name begins with `white` or `MOD`.
 ///
 /// # Errors
 /// When the place cannot be read.

@@ -237,7 +237,7 @@ fn read_models(header: &Header, networks: &[NetworkHeader], payload: &[u8]) -> R
         return Err(format!("more than {} models", limits::PARTS));
     }
     if networks.iter().any(|n| n.pass != 0 || n.model as usize >= header.models.len()) {
-        return Err("a network of no model".into());
+        return Err("a network that belongs to no model".into());
     }
     let storage = header.storage.into();
     let reader = Reader { payload, tables: &header.tables, left: Cell::new(payload.len()) };

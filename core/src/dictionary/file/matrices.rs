@@ -195,14 +195,14 @@ fn side(pixels: u32) -> Result<usize, String> {
 
 fn two_dimensional(which: Matrix, (shape, values): (Vec<usize>, Vec<f32>)) -> Result<Array2<f32>, String> {
     let &[rows, columns] = shape.as_slice() else {
-        return Err(format!("matrix {} has not two dimensions", which.tensor_name()));
+        return Err(format!("matrix {} does not have two dimensions", which.tensor_name()));
     };
     Array2::from_shape_vec((rows, columns), values).map_err(|e| e.to_string())
 }
 
 fn three_dimensional(which: Matrix, (shape, values): (Vec<usize>, Vec<f32>)) -> Result<Array3<f32>, String> {
     let &[k, m, p] = shape.as_slice() else {
-        return Err(format!("matrix {} has not three dimensions", which.tensor_name()));
+        return Err(format!("matrix {} does not have three dimensions", which.tensor_name()));
     };
     Array3::from_shape_vec((k, m, p), values).map_err(|e| e.to_string())
 }

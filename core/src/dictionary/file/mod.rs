@@ -1,5 +1,5 @@
-//! Files of dictionaries: `.lfd` and `.safetensors`, which hold the same. Writing goes by the file's ending, reading by
-//! its contents.
+//! Files of dictionaries: `.lfd` and `.safetensors`, with the same contents. The format written depends on the file's
+//! ending, the format read on its first bytes.
 
 mod lfd;
 mod lfd_header;
@@ -111,7 +111,7 @@ pub fn load(path: &Path) -> Result<Dictionary, Error> {
         return Err(Error::Malformed { path: name, reason: format!("{length} bytes are too many for a dictionary") });
     }
     let mut bytes = Vec::new();
-    // The length may be wrong: a device file may say 0 and never end.
+    // The length may be wrong: a device file may report 0 and never end.
     file.take(limits::FILE).read_to_end(&mut bytes).map_err(io)?;
     from_bytes(&bytes, &name)
 }

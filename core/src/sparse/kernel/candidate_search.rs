@@ -4,7 +4,7 @@
 //! search of all atoms finds the largest |c| of each chunk; the eight chunks with the highest become the candidates,
 //! with copies of those parts of the support's Gram rows, small enough to stay in the first cache. Rounds search the
 //! candidates until the optimality conditions hold on them, then all atoms are checked; when they hold there, too, the
-//! support is final. The order of entry differs from a search over all atoms, the answer does not.
+//! support is final. The order of entry differs from that of a search over all atoms; the result does not.
 // Loops by index: iterator chains are not always inlined into the function that has the processor's features.
 #![allow(clippy::needless_range_loop)]
 

@@ -1,4 +1,4 @@
-//! Sixteen f32 in memory, and rows of them seen as one slice.
+//! Sixteen f32 in memory, and rows of them as one slice.
 
 /// Sixteen lanes in memory, one cache line.
 #[derive(Debug, Clone, Copy, PartialEq)]
