@@ -67,7 +67,10 @@ pub(super) fn unpack_image(
     let Some((width, height)) = facts.size.or(from_profile) else {
         return Err(Error::unsupported(
             path,
-            format!("the width and height of the image of {} bytes are not known; name the camera with --profile", bytes.len()),
+            format!(
+                "the width and height of the image of {} bytes are not known; name the camera with --profile",
+                bytes.len()
+            ),
         ));
     };
     let Some(packing) = facts.packing.or(profile.map(|p| p.sensor.packing)) else {

@@ -69,7 +69,9 @@ pub fn solve(dictionary: &Prepared, signals: ArrayView2<'_, f32>, options: &Opti
     }
     options.check()?;
     let signals = signals.as_standard_layout();
-    let Some(flat) = signals.as_slice() else { return Err(Error::Shape("the signals are not contiguous in memory".into())) };
+    let Some(flat) = signals.as_slice() else {
+        return Err(Error::Shape("the signals are not contiguous in memory".into()));
+    };
     let m = dictionary.signal_len();
     let blocks: Vec<Result<Codes, usize>> = flat
         .par_chunks(BLOCK * m)
