@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn leftovers_of_dead_runs_are_swept() {
+    fn leftovers_of_ended_runs_are_removed() {
         let dir = tempfile::tempdir().unwrap();
         fs::write(dir.path().join(".out.lenslet-tmp-4294967294"), b"x").unwrap();
         fs::write(dir.path().join(format!(".out.lenslet-tmp-{}", std::process::id())), b"x").unwrap();
@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn an_output_that_stepped_aside_for_a_killed_run_comes_back() {
+    fn an_old_output_moved_aside_by_a_killed_run_is_restored() {
         let dir = tempfile::tempdir().unwrap();
         let target = dir.path().join("out");
         let temporary = dir.path().join(".out.lenslet-tmp-4294967294");
@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn a_directory_is_replaced_without_a_moment_of_absence() {
+    fn a_directory_exists_at_every_moment_of_its_replacement() {
         let dir = tempfile::tempdir().unwrap();
         let [target, other] = ["out", "other"].map(|name| dir.path().join(name));
         planted(&target, b"0");

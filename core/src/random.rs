@@ -60,7 +60,7 @@ mod tests {
 
     /// The same bits as the earlier code of the simulator, the pairs, the trainer and the tests.
     #[test]
-    fn streams_are_those_of_the_earlier_forms() {
+    fn streams_equal_those_of_the_earlier_code() {
         let mut rngs: [ChaCha8Rng; 3] = std::array::from_fn(|_| ChaCha8Rng::seed_from_u64(42));
         for _ in 0..20_000 {
             let found = standard_normal(&mut rngs[0]);

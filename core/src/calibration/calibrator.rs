@@ -66,7 +66,7 @@ impl<'a> Calibrator<'a> {
         self
     }
 
-    /// Receives progress and notes, and can end the work early. Default: [`Silent`](crate::progress::Silent).
+    /// Receives progress and notes, and can end the work early. Default: [`Silent`].
     pub fn observer<'b>(self, observer: &'b dyn Observer) -> Calibrator<'b> {
         Calibrator { options: self.options, profile: self.profile, observer }
     }

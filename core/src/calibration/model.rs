@@ -11,9 +11,9 @@ pub struct Lenslet {
     pub i: i32,
     /// Lattice index along `b`.
     pub j: i32,
-    /// Centre x (pixels).
+    /// Centre x, sensor pixels.
     pub x: f64,
-    /// Centre y (pixels).
+    /// Centre y, sensor pixels.
     pub y: f64,
     /// Weight of the measurement in the centre: 0 = lattice prediction only, 1 = measurement only.
     pub trust: f32,
@@ -22,9 +22,9 @@ pub struct Lenslet {
 /// The white image that decoding divides by, normalised so that a lenslet centre under full illumination is 1.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Vignetting {
-    /// Width of `white`.
+    /// Width of `white`, pixels.
     pub width: usize,
-    /// Height of `white`.
+    /// Height of `white`, pixels.
     pub height: usize,
     /// Light after black level and response of each colour, `width·height` values, row-major, as u16 = value·32768.
     pub white: Vec<u16>,
@@ -41,7 +41,7 @@ pub struct CalibrationQuality {
     /// Typical standard deviation of one measured centre, per axis, pixels.
     #[serde(default)]
     pub noise: f64,
-    /// Share of lenslets whose measurement was rejected.
+    /// Share of lenslets whose measurement was rejected, 0 to 1.
     pub rejected: f64,
     /// Confidence, 0 to 1: coherence of the pattern's phases, times 1 − 1/√(prominence of its spectral peaks), times
     /// the share of lenslets accepted.

@@ -30,7 +30,7 @@ pub struct MlaHint {
     pub pitch: f64,
     /// Rotation in radians as written by the camera (sign: see `docs/file-formats.md`).
     pub rotation: f64,
-    /// Row stretch (`scaleFactor.y`).
+    /// Distance of rows over that of an ideal grid, 1 for an ideal one (`scaleFactor.y`).
     pub row_stretch: f64,
 }
 
@@ -96,7 +96,7 @@ pub struct CameraFacts {
     pub iso: Option<f64>,
     /// Exposure time in seconds.
     pub exposure_seconds: Option<f64>,
-    /// `image.modulationExposureBias` (EV).
+    /// Exposure bias in EV (`image.modulationExposureBias`).
     pub exposure_bias: Option<f64>,
     /// Normalised responses (R, Gr, Gb, B) of the sensor to white, where given (white images).
     pub normalized_response: Option<[f32; 4]>,

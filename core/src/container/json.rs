@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn paths() {
+    fn values_are_read_at_dotted_paths() {
         let v = parse(br#"{"f":[{"g":{"n":3.0,"s":"x"}}],"big":1e300}"#).unwrap();
         assert_eq!(integer_at(&v, "f.0.g.n"), Some(3));
         assert_eq!(text_at(&v, "f.0.g.s").as_deref(), Some("x"));

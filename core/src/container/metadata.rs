@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn f01_style() {
+    fn f01_metadata_are_read() {
         let m = json!({
             "image": {"width": 3280, "height": 3280.0,
                 "rawDetails": {"pixelFormat": {"black": levels(168.0), "white": levels(4095.0)},

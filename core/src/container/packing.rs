@@ -166,7 +166,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The plain twin: a bit at a time.
+    /// The plain reference: a bit at a time.
     fn bit_by_bit(packing: Packing, bytes: &[u8], pixels: usize) -> Vec<u16> {
         let bit = |i: usize| u16::from(bytes[i / 8] >> (7 - i % 8) & 1);
         (0..pixels)

@@ -18,7 +18,7 @@ use crate::digest::sha256_hex;
 
 /// Longest picture file read, bytes.
 pub(super) const MAX_FILE: u64 = 1 << 30;
-/// Largest decoded picture, bytes: twice an Illum's mosaic as 16-bit RGB.
+/// Largest decoded picture, bytes: about twice an Illum's mosaic as 16-bit RGB.
 const MAX_DECODED: u64 = 512 << 20;
 
 /// Whether these first bytes are those of a picture that can be decoded.

@@ -410,7 +410,7 @@ mod tests {
     }
 
     #[test]
-    fn text_and_nothing_are_refused() {
+    fn text_and_empty_files_are_refused() {
         assert!(open(b"").is_err());
         assert!(matches!(open(b"just some text that is long enough"), Err(Error::NotRecognised { .. })));
     }

@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_jumps() {
+    fn the_map_is_continuous() {
         for p in raster() {
             let q = fit_colour(p);
             for c in 0..3 {

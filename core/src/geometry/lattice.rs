@@ -155,7 +155,7 @@ impl Lattice {
 /// Lattice points in a picture, sorted by (j, i).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct LatticePoints {
-    /// Positions (x, y).
+    /// Positions (x, y), pixels.
     pub centres: Vec<[f64; 2]>,
     /// Lattice index (i, j) of each.
     pub index: Vec<[i32; 2]>,

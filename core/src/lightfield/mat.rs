@@ -144,7 +144,7 @@ fn find_light_field(file: &mut File, path: &Path, length: u64, big: bool) -> Res
         let (kind, size) = read_tag(file, big).map_err(|_| malformed(path, "ends within a variable"))?;
         let start = at + 8;
         if size > length - start {
-            let reason = format!("ends early: {length} bytes, the variable at byte {at} has {size} more");
+            let reason = format!("ends early: {length} bytes, but the variable at byte {at} has {size}");
             return Err(malformed(path, reason));
         }
         at = start + size;

@@ -138,7 +138,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
 
     #[test]
-    fn solves_and_refuses() {
+    fn regular_systems_are_solved_and_singular_ones_refused() {
         let x = solve_small([[0.0, 2.0, 1.0], [1.0, -1.0, 0.5], [3.0, 0.0, -2.0]], [7.0, 0.5, -3.0]).unwrap();
         for (row, right) in [([0.0, 2.0, 1.0], 7.0), ([1.0, -1.0, 0.5], 0.5), ([3.0, 0.0, -2.0], -3.0)] {
             assert!((row[0] * x[0] + row[1] * x[1] + row[2] * x[2] - right).abs() < 1e-12);

@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn no_edge_no_measure() {
+    fn without_an_edge_nothing_is_measured() {
         assert_eq!(slanted_edge(Array2::from_elem((40, 40), 0.5).view()), None);
         assert_eq!(slanted_edge(Array2::from_elem((4, 4), 0.5).view()), None);
         assert_eq!(slanted_edge(Array2::from_elem((40, 40), f32::NAN).view()), None);

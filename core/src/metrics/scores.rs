@@ -51,7 +51,7 @@ mod tests {
     use ndarray::{Array3, Axis};
 
     #[test]
-    fn the_border_counts_for_nothing_and_grey_is_compared_with_luminance() {
+    fn the_border_is_ignored_and_grey_is_compared_with_luminance() {
         let truth = Array3::from_shape_fn((36, 40, 3), |(t, s, c)| ((t + 2 * s + c) % 9) as f32 / 9.0);
         let window = Window::without_border(12);
         let mut result = &truth + 0.1;

@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn one_for_equals_symmetric_and_the_same_on_any_pool() {
+    fn equal_pictures_score_one_and_scores_are_symmetric_on_any_pool() {
         let (x, y) = pair(150, 90, 1);
         let one = ssim(x.view(), x.view(), SsimWindow::Gaussian).unwrap();
         assert!((one - 1.0).abs() < 1e-12);

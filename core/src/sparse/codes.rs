@@ -130,7 +130,7 @@ impl Codes {
     }
 
     /// `other`ᵀφ of every signal (N×p, for `other` K×p): with the dictionary itself the approximations Dᵀφ, with the
-    /// high-resolution twin of a coupled dictionary the reconstructed patches.
+    /// high-resolution dictionary Dh of a coupled pair the reconstructed patches.
     ///
     /// # Errors
     /// [`Error::Shape`] for a code with an atom that `other` does not have.

@@ -13,7 +13,7 @@
 //! | [`homotopy_path`] | the minimisers for all λ |
 //!
 //! The layers, each above the next: `solve` and `masked` (checks, blocks of signals) → `options`, `solver` →
-//! `reference` (plain solvers, the oracles) → `kernel` (the f32 active set on SIMD lanes, its f64 twin) → `codes`,
+//! `reference` (plain solvers, the oracles) → `kernel` (the f32 active set on SIMD lanes, that in f64) → `codes`,
 //! `problem`, `prepared`.
 
 mod codes;

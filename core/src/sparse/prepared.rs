@@ -1,4 +1,4 @@
-//! A dictionary made ready for solving: atoms in padded rows and in panels for the product, and the Gram matrix G = D
+//! A dictionary prepared for solving: atoms in padded rows and in panels for the product, and the Gram matrix G = D
 //! Dᵀ.
 //!
 //! Internally, atoms have another order: sixteen atoms that resemble each other fill a chunk, so that the atoms a
@@ -16,7 +16,7 @@ const MOST_ATOMS: usize = 16_384;
 /// Longest signal accepted.
 const LONGEST_SIGNAL: usize = 1 << 14;
 
-/// A dictionary made ready for solving: atoms, Gram matrix, bounds.
+/// A dictionary prepared for solving: atoms, Gram matrix, bounds.
 #[derive(Debug, Clone)]
 pub struct Prepared {
     atoms: Array2<f32>,

@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn a_newer_file_says_what_to_do() {
+    fn a_newer_file_is_refused_with_advice() {
         let mut bytes = bytes_of(&small());
         bytes[8] = 3;
         let message = parse(&bytes[..], "cam.calib").unwrap_err().to_string();

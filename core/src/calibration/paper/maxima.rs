@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tops_plateaus_and_borders() {
+    fn maxima_at_tops_plateaus_and_borders() {
         let mut data = vec![0f32; 20 * 12];
         for (x, y, v) in [(3, 3, 5.0), (4, 3, 5.0), (12, 6, 2.0), (14, 6, 3.0), (0, 11, 1.0), (19, 0, 0.2)] {
             data[y * 20 + x] = v;

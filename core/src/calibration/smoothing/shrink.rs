@@ -22,7 +22,7 @@ const TERMS: usize = 10;
 pub struct ShrunkCentres {
     /// Centre (x, y) in pixels and trust (0 to 1) of each measured lenslet, in the order given.
     pub centres: Vec<([f64; 2], f32)>,
-    /// Share of lenslets whose measurement was rejected.
+    /// Share of lenslets whose measurement was rejected, 0 to 1.
     pub rejected: f64,
     /// RMS distance of accepted measured centres from the lattice, pixels.
     pub residual_rms: f64,

@@ -195,7 +195,7 @@ fn faults_of_the_sensor_do_no_harm() {
 }
 
 #[test]
-fn vignetting_does_not_pull_centres() {
+fn vignetting_does_not_bias_centres() {
     let strong = PlantedCamera { vignetting: 0.85, noise: 0.0, ..PlantedCamera::default() };
     let (found, truth) = centres(&strong);
     let (rms, worst, _) = compare(&found, &truth, 20.0);
@@ -288,7 +288,7 @@ fn the_white_pattern_is_one_at_centres_in_full_light() {
 }
 
 #[test]
-fn the_papers_own_way_works_and_is_worse() {
+fn algorithm1_as_printed_works_and_is_less_accurate() {
     let plant = PlantedCamera { jitter: 0.1, ..PlantedCamera::default() };
     let (white, truth) = plant.white_image();
     let truth: Vec<[f64; 2]> = truth.into_iter().map(|t| t.1).collect();
@@ -356,7 +356,7 @@ fn captures_without_whites_give_the_lattice() {
 }
 
 #[test]
-fn what_is_no_white_image_is_refused_with_the_reason() {
+fn images_without_lenslets_are_refused_with_the_reason() {
     let size = 256;
     let of = |f: &dyn Fn(usize, usize) -> f64| {
         capture(size, size, (0..size * size).map(|k| f(k % size, k / size).clamp(0.0, WHITE) as u16).collect())

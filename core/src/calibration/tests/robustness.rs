@@ -187,7 +187,7 @@ proptest! {
 }
 
 #[test]
-fn dust_does_little_harm() {
+fn dust_biases_centres_little() {
     let plant = PlantedCamera { jitter: 0.05, width: 420, height: 400, ..PlantedCamera::default() };
     let (mut white, truth) = plant.white_image();
     let truth: Vec<[f64; 2]> = truth.into_iter().map(|t| t.1).collect();

@@ -370,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn another_version_is_named_with_what_to_do() {
+    fn another_version_is_refused_with_advice() {
         let mut bytes = to_bytes(&small_dictionary(1)).unwrap();
         bytes[8] = 9;
         let error = from_bytes(&bytes, "old.lfd").unwrap_err().to_string();
@@ -451,7 +451,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_longer_run_is_refused_with_what_to_do() {
+    fn unsupported_contents_are_refused_with_advice() {
         let chain = with_header(&small_dictionary(1), |header, _| {
             let again = header.models[0].passes[0].clone();
             header.models[0].passes.push(again);

@@ -327,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn shipped_and_old_dictionaries_go_there_and_back() {
+    fn shipped_and_old_dictionaries_are_equal_after_a_round_trip() {
         for file in [
             &include_bytes!("../../../../dictionaries/small.lfd")[..],
             include_bytes!("../../../../dictionaries/multiview.lfd"),

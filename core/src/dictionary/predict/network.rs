@@ -179,7 +179,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn it_equals_its_definition() {
+    fn the_network_equals_its_definition() {
         let plane = |k: usize| Array2::from_shape_fn((12, 15), |(y, x)| ((y * 31 + x * (17 + k)) % 23) as f32 / 23.0);
         for side_inputs in [&[][..], &[Interpolation::Cubic], &[Interpolation::Barycentric, Interpolation::Cubic]] {
             let network = random_network(3, side_inputs);

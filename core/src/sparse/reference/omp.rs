@@ -1,8 +1,8 @@
 //! Orthogonal matching pursuit (Batch-OMP, Rubinstein et al. 2008): greedy min ½‖y − Dᵀφ‖² with at most T non-zeros.
 //!
-//! The plain twin, in f64, of [`crate::sparse::kernel::pursuit_f32`]. Each step takes the atom most correlated with
-//! the residual, then refits all of them by least squares, through a Cholesky factor of the support's Gram matrix that
-//! grows by a row a step. Correlations are updated, not residuals.
+//! The plain reference, in f64, of [`crate::sparse::kernel::pursuit_f32`]. Each step takes the atom most correlated
+//! with the residual, then refits all of them by least squares, through a Cholesky factor of the support's Gram matrix
+//! that grows by a row a step. Correlations are updated, not residuals.
 
 use crate::sparse::problem::{Ended, Finished, Problem, Work};
 

@@ -1,4 +1,4 @@
-//! Sixteen lanes in plain Rust: the twin that the other instruction sets are compared with.
+//! Sixteen lanes in plain Rust: the reference that the other instruction sets are compared with.
 
 use super::chunk::Chunk;
 use super::lanes::Lanes;
