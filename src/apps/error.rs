@@ -1,4 +1,4 @@
-//! What goes wrong between a light field and a picture of it.
+//! Errors of the applications.
 
 use lenslet_core::progress::Interrupted;
 

@@ -48,7 +48,7 @@ pub fn train_dictionary(
 /// `parameters.degradation.base`.
 ///
 /// # Errors
-/// As [`train_dictionary`]; what `gather` returns.
+/// As [`train_dictionary`]; errors of `gather`.
 pub fn train_on_crops(
     gather: &mut dyn FnMut(Footprint, &dyn Observer) -> Result<TrainingCrops, Error>,
     parameters: &Parameters,

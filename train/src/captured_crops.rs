@@ -95,7 +95,7 @@ pub fn captured_crops(
     Ok(data)
 }
 
-/// What goes wrong between a scene and its crops.
+/// Errors of capturing a scene and cutting crops.
 #[derive(Debug, thiserror::Error)]
 enum CaptureError {
     #[error(transparent)]

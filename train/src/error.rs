@@ -1,30 +1,30 @@
-//! Why training fails.
+//! Errors of training.
 
 use lenslet_core::progress::Interrupted;
 
-/// What goes wrong in training.
+/// Errors of training.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// A parameter out of range.
     #[error("{0}")]
     Parameter(String),
-    /// The photos do not give enough to learn from.
+    /// Too few textured pairs for the atoms or anchors wanted, or pairs that do not determine a regressor.
     #[error("{0}")]
     TooLittle(String),
-    /// The caller's own crops could not be made.
+    /// The crops of [`crate::train_on_crops`] could not be made.
     #[error("{0}")]
     Crops(String),
-    /// Photos.
+    /// Photos that cannot be found or read.
     #[error(transparent)]
     Photos(#[from] lenslet_data_gen::photo::Error),
-    /// Crops and pairs.
+    /// Crops or pairs that cannot be made.
     #[error(transparent)]
     Pairs(#[from] lenslet_data_gen::pairs::Error),
-    /// The dictionary itself.
+    /// A dictionary that is not valid.
     #[error(transparent)]
     Dictionary(#[from] lenslet_core::dictionary::Error),
-    /// The solver of sparse codes.
+    /// Sparse coding failed.
     #[error(transparent)]
     Sparse(#[from] lenslet_core::sparse::Error),
     /// Linear algebra: a matrix that is not finite.
@@ -35,7 +35,7 @@ pub enum Error {
     Checkpoint {
         /// Which file.
         path: String,
-        /// Why, and what to do.
+        /// The reason and a way out.
         reason: String,
     },
     /// Output failed.

@@ -31,7 +31,7 @@ const LEAST_CANDIDATES: usize = 16;
 /// without replacements it never rises between epochs by more than OMP's own inconsistency. `step` is called once.
 ///
 /// # Errors
-/// What the solver reports, what `step` returns.
+/// Errors of the solver, errors of `step`.
 ///
 /// ```
 /// use lenslet_train::{KsvdUpdate, ksvd::ksvd_epoch};

@@ -30,7 +30,7 @@ const EPSILON: f32 = 1e-8;
 /// pairs; `step` is called with the size of every batch.
 ///
 /// # Errors
-/// Too few textured patches, crops without the side inputs, what `step` returns.
+/// Too few textured patches, crops without the side inputs, errors of `step`.
 pub fn learn_network(
     crops: &[Crop],
     parameters: &NetworkParameters,
@@ -84,7 +84,7 @@ pub fn learn_network(
 /// Layers fitted to inputs (N×(m+1)) and targets (N×patch²).
 ///
 /// # Errors
-/// What `step` returns.
+/// Errors of `step`.
 pub fn fit_layers(
     mut x: Array2<f32>,
     mut t: Array2<f32>,

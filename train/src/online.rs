@@ -56,7 +56,7 @@ const TOLERANCE: f64 = 1e-4;
 /// The codes of signals (N×m) by K unit atoms, min over α of ½‖x − Dᵀα‖² + λ‖α‖₁, and their mean objective.
 ///
 /// # Errors
-/// What the solver reports.
+/// Errors of the solver.
 pub fn sparse_code(
     atoms: &Array2<f32>,
     signals: ArrayView2<'_, f32>,
@@ -98,7 +98,7 @@ fn objectives(codes: &Codes, atoms: &Array2<f32>, signals: ArrayView2<'_, f32>, 
 /// statistics. `step` is called with the size of each batch.
 ///
 /// # Errors
-/// What the solver reports, what `step` returns.
+/// Errors of the solver, errors of `step`.
 ///
 /// ```
 /// use lenslet_train::online::{OnlineState, online_epoch};
@@ -145,7 +145,7 @@ pub fn online_epoch(
 /// atoms.
 ///
 /// # Errors
-/// What the solver reports.
+/// Errors of the solver.
 pub fn batch_epoch(
     state: &mut OnlineState,
     signals: ArrayView2<'_, f32>,

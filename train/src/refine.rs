@@ -164,7 +164,7 @@ fn root_mean_square(a: &Array2<f32>) -> f32 {
 /// error of the batches as they were met, and the mean number of non-zeros.
 ///
 /// # Errors
-/// What the solver reports.
+/// Errors of the solver.
 pub fn refinement_epoch(
     state: &mut RefinementState,
     problem: &RefinementProblem<'_>,
@@ -200,7 +200,7 @@ pub fn refinement_epoch(
 /// Dh by weighted least squares on the codes that Dl gives (Zeyde 2010): the best Dh for this Dl on these pairs.
 ///
 /// # Errors
-/// What the solver reports.
+/// Errors of the solver.
 pub fn least_squares_high(
     low: &Array2<f32>,
     problem: &RefinementProblem<'_>,

@@ -63,7 +63,7 @@ impl<'a> Scorer<'a> {
     /// Mean PSNR, dB, of atoms Dl and Dh by the LASSO path; `None` without held-out crops.
     ///
     /// # Errors
-    /// What the reconstruction reports.
+    /// Errors of the reconstruction.
     pub fn score(&self, low: &Array2<f32>, high: &Array2<f32>) -> Result<Option<f64>, Error> {
         let patch_model = PatchModel { low: low.clone(), high: high.clone(), ..self.patch_model.clone() };
         self.score_by(patch_model, PatchPredictor::Lasso)
@@ -72,7 +72,7 @@ impl<'a> Scorer<'a> {
     /// Mean PSNR, dB, of a whole model by one path.
     ///
     /// # Errors
-    /// What the reconstruction reports.
+    /// Errors of the reconstruction.
     pub fn score_by(&self, patch_model: PatchModel, predictor: PatchPredictor) -> Result<Option<f64>, Error> {
         let model = Model { footprint: self.footprint, base: self.base, pitch: self.pitch, patch_model };
         let step = STEP.min(self.patch_model.patch);

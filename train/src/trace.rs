@@ -1,4 +1,4 @@
-//! What training reports: one record an epoch.
+//! The trace of training: one record an epoch.
 
 use lenslet_core::dictionary::Footprint;
 use serde::{Deserialize, Serialize};
@@ -31,7 +31,7 @@ pub struct Epoch {
     pub seconds: f64,
 }
 
-/// What the learning of one epoch came to.
+/// The summary of one epoch of learning.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct EpochSummary {
     /// Mean objective a signal, codes and atoms as they were when each batch was coded.

@@ -1,4 +1,4 @@
-//! What goes wrong on the way from samples to views.
+//! Errors of rendering views from samples.
 
 use lenslet_core::progress::Interrupted;
 use lenslet_core::{decode, dictionary, lightfield, sampling};
@@ -13,13 +13,13 @@ pub enum Error {
     /// Samples, views or images whose shapes do not belong together: a fault of the input.
     #[error("{0}")]
     Shape(String),
-    /// Disparity.
+    /// Disparity cannot be estimated.
     #[error(transparent)]
     Disparity(#[from] crate::disparity::Error),
     /// Centres that cannot be triangulated, sizes out of range.
     #[error(transparent)]
     Sampling(#[from] sampling::Error),
-    /// Samples.
+    /// Samples of a capture that cannot be read or decoded.
     #[error(transparent)]
     Decode(#[from] decode::Error),
     /// A dictionary that cannot be used.

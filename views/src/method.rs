@@ -29,7 +29,7 @@ pub struct Learned {
     /// The dictionary; by default the one inside the program for views of the interpolation
     /// ([`reconstruct::embedded_for`]).
     pub dictionary: Option<Arc<Dictionary>>,
-    /// How much work is done.
+    /// Mode, footprint, λ and further options.
     pub options: reconstruct::Options,
 }
 
@@ -64,7 +64,7 @@ impl Method {
         self.learned_with(Learned::default())
     }
 
-    /// Followed by learned reconstruction with a dictionary and options of the caller's.
+    /// Followed by learned reconstruction with the given dictionary and options.
     #[must_use]
     pub fn learned_with(mut self, learned: Learned) -> Method {
         self.learned = Some(learned);

@@ -1,10 +1,10 @@
-//! Why pairs cannot be made.
+//! Errors of making training pairs.
 
 use lenslet_core::progress::Interrupted;
 
 use crate::photo;
 
-/// What goes wrong in making pairs.
+/// Errors of making training pairs.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -23,7 +23,7 @@ pub enum Error {
     /// Output failed.
     #[error(transparent)]
     Output(#[from] lenslet_core::output::Error),
-    /// The caller asked to stop.
+    /// The observer asked to stop.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
 }

@@ -1,10 +1,10 @@
-//! Why a photo cannot be used.
+//! Errors of finding and reading photos.
 
 use std::path::PathBuf;
 
 use lenslet_core::progress::Interrupted;
 
-/// What goes wrong with photos. Reasons are part of the message; `source` gives none of them.
+/// Errors of finding and reading photos. Reasons are part of the message; `source` gives none of them.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {

@@ -53,7 +53,7 @@ impl PhotoSet {
     /// cannot be used is noted and left out.
     ///
     /// # Errors
-    /// [`Error::NoUsablePhoto`], interruption, what `visit` returns.
+    /// [`Error::NoUsablePhoto`], interruption, errors of `visit`.
     ///
     /// ```
     /// use lenslet_core::lightfield::ColourSpace;

@@ -1,4 +1,4 @@
-//! Why a simulation fails.
+//! Errors of a simulation.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use lenslet_core::progress::Interrupted;
 
 use crate::photo;
 
-/// What goes wrong in a simulation.
+/// Errors of a simulation.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {

@@ -1,4 +1,4 @@
-//! The middle view's disparity as other views see it: surfaces move by their disparity, the nearest in front.
+//! The middle view's disparity carried to other views: surfaces move by their disparity, the nearest in front.
 
 use ndarray::Array2;
 

@@ -1,8 +1,8 @@
-//! What goes wrong when disparity is estimated.
+//! Errors of disparity estimation.
 
 use lenslet_core::progress::Interrupted;
 
-/// What goes wrong.
+/// Errors of disparity estimation.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {

@@ -13,10 +13,10 @@ use super::search::{enlarge, search};
 use super::specks;
 use super::volume::outermost_step;
 
-/// Disparity and how sure it is, at every pixel of the reference view.
+/// Disparity and confidence at every pixel of the reference view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Disparity {
-    /// Output pixels per view step, shape (t, s).
+    /// Disparity, output pixels per view step, shape (t, s).
     pub disparity: Array2<f32>,
     /// Confidence, 0 (filled from the surroundings) to 1, shape (t, s).
     pub confidence: Array2<f32>,
@@ -109,7 +109,7 @@ pub fn estimate_planes(
     };
     let mut found = search(&grid, at, range, options, observer)?;
     let side = (options.specks * grid[0][0].width.max(grid[0][0].height) as f32) as usize;
-    // What moves by a pixel or more against its surroundings in the outermost view.
+    // Jumps by which a patch moves a pixel or more against its surroundings in the outermost view.
     let jump = 1.0 / outermost_step(&grid, at).max(1.0);
     specks::fill(&mut found.disparity, &mut found.confidence, grid[0][0].width, jump, side);
     let (disparity, confidence) = enlarge(&found, &grid[0][0], (width, height), scale);

@@ -125,7 +125,7 @@ fn penalty(p: &Penalties, difference: f32) -> f32 {
     (p.large / (1.0 + difference.abs() / p.edge)).max(p.small)
 }
 
-/// One step of one path: cost plus the cheapest way to come from the pixel before, less what was the least there.
+/// One step of one path: cost plus the least cost of coming from the pixel before, minus the minimum there.
 fn step(cost: &[f32], before: &[f32], small: f32, large: f32, now: &mut [f32]) {
     let least = before.iter().copied().fold(f32::INFINITY, f32::min);
     let jump = least + large;
@@ -140,8 +140,8 @@ fn step(cost: &[f32], before: &[f32], small: f32, large: f32, now: &mut [f32]) {
     }
 }
 
-/// Median of `values` around each pixel, weighted by nearness of the guide's brightness; edges stay where the guide has
-/// them.
+/// Median of `values` around each pixel, weighted by nearness of the guide's brightness; edges follow those of the
+/// guide.
 pub fn weighted_median(values: &[f32], weights: &[f32], guide: &Plane, radius: usize, sigma: f32) -> Vec<f32> {
     let (w, h) = (guide.width, guide.height);
     let mut out = vec![0f32; w * h];

@@ -1,5 +1,5 @@
 //! Specks: small patches whose disparity differs from all around them. Highlights, dust and repeated texture make them,
-//! and few things are that small.
+//! and few objects are that small.
 
 /// Fills every patch that is no longer than `side` pixels either way, and that jumps by more than `jump` all around,
 /// with the median of what borders on it; its confidence becomes 0. `disparity` is `width` pixels a row.

@@ -1,5 +1,6 @@
 //! Plane sweep: for each hypothesis d, cost(x) = robust mean over views of |L(x + d·(u,v); v,u) − L(x; reference)|,
-//! with the side of the views that sees the point chosen where the others are blocked by something in front.
+//! over all views or, where something in front blocks some of them, over the half of the views in which the point is
+//! visible.
 
 use lenslet_core::image::Plane;
 
@@ -26,7 +27,7 @@ pub struct Robust {
     pub half_penalty: f32,
 }
 
-/// A view and where it stands relative to the reference: (plane, u, v).
+/// A view and its offset from the reference view: (plane, u, v), view steps.
 pub type Placed<'a> = (&'a Plane, f32, f32);
 
 /// The cost plane of one hypothesis `d`.

@@ -9,7 +9,7 @@ use super::planes::shifted_row;
 pub struct Slopes {
     /// Disparity, output pixels per view step.
     pub disparity: Vec<f32>,
-    /// 0 (no direction stands out) to 1 (all gradients agree).
+    /// Coherence, 0 (no direction stands out) to 1 (all gradients agree).
     pub coherence: Vec<f32>,
     /// Mean squared gradient along the view axes of the image: how much texture there is.
     pub energy: Vec<f32>,

@@ -1,4 +1,4 @@
-//! A cubic C¹ surface through the same samples: a fair, stronger baseline than the paper's two plain methods.
+//! A cubic C¹ surface through the same samples: a stronger baseline than the two plain methods of the paper.
 
 use lenslet_core::decode::HexSamples;
 use lenslet_core::geometry::Size;

@@ -1,4 +1,4 @@
-//! What every interpolation of single views offers.
+//! The interface of every interpolation of single views.
 
 use std::fmt::Debug;
 

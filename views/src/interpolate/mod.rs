@@ -1,6 +1,7 @@
-//! Single views from their own samples (paper sections 4.1 and 4.2), and a stronger plain way.
+//! Single views from their own samples (paper sections 4.1 and 4.2, and a C¹ cubic surface as a stronger baseline).
 //!
-//! Every way prepares once for a lattice and a target size ([`prepare_interpolator`]), then makes view after view.
+//! Every interpolation prepares once for a lattice and a target size ([`prepare_interpolator`]), then makes view after
+//! view.
 
 mod barycentric;
 mod bicubic;

@@ -100,7 +100,7 @@ pub(super) fn cross_validate(prior: &Cells, fitted: &Cells, light: &Cells, most:
     OtherViewsWeight { columns: prior.columns, rows: prior.rows, values }
 }
 
-/// Groups of cells of like light in which the noise is estimated.
+/// Number of groups of cells of like light in which the noise is estimated.
 ///
 /// Source: chosen.
 const GROUPS: usize = 12;
@@ -112,7 +112,7 @@ struct Noise {
 }
 
 impl Noise {
-    /// Most of a picture is quiet: of the cells of like light, a low quantile of what the fit leaves is noise.
+    /// Most of a picture is flat: among cells of like light, a low quantile of the fit's residual is noise.
     fn estimate(light: &[f32], after: &[f32], most: f32) -> Noise {
         let both = light.iter().zip(after).map(|(&l, &a)| (l, a));
         let mut cells: Vec<(f32, f32)> = both.filter(|(l, a)| l.is_finite() && a.is_finite()).collect();

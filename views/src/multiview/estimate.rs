@@ -1,5 +1,5 @@
-//! Disparity of every view: searched in the middle view, made exact by the samples, carried to where each view sees the
-//! surfaces, the nearest in front, gaps filled with what lies behind.
+//! Disparity of every view: searched in the middle view, made exact by the samples, carried to every other view: the
+//! nearest surface in front, gaps filled with what lies behind.
 
 use lenslet_core::progress::Observer;
 use ndarray::Array2;
@@ -40,7 +40,7 @@ pub fn estimate_disparities(
         None => {
             let search = disparity::Options {
                 range: options.disparity.range.map(|(a, b)| (a / scale, b / scale)),
-                // Beyond a lenslet or so a view step there is nothing a lenslet camera could have seen.
+                // A lenslet camera cannot capture disparities much beyond one lenslet per view step.
                 limit: (options.disparity.limit.max(1.25 * set.pitch) / scale).max(0.1),
                 linear: false,
                 reference: None,

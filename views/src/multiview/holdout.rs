@@ -12,21 +12,21 @@ use crate::Error;
 use crate::error::ensure_shape;
 use crate::target::mean_pitch;
 
-/// How well hidden lenslets were predicted.
+/// The score of the prediction of hidden lenslets.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HiddenScore {
-    /// Over all channels, dB, values as they are (linear light for decoded captures).
+    /// PSNR over all channels, dB, of the values as they are (linear light for decoded captures).
     pub psnr: f64,
     /// Lenslets hidden and measured.
     pub lenslets: usize,
 }
 
-/// Hides a random `share` of the lenslets (all views of each), has `render` make view (row, column) `at` at `target`
-/// from the rest, and compares it with what the hidden lenslets measured. Lenslets within two pitches of the border are
-/// not measured.
+/// Hides a random `share` of the lenslets (all views of each), calls `render` for view (row, column) `at` of size
+/// `target` with the rest, and compares it with what the hidden lenslets measured. Lenslets within two pitches of the
+/// border are not measured.
 ///
 /// # Errors
-/// A share outside 0..0.5, a view that does not exist, what `render` returns.
+/// A share outside 0..0.5, a view that does not exist, errors of `render`.
 pub fn hidden_score<E: From<Error>>(
     samples: &HexSamples,
     target: &Size,

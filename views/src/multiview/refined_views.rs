@@ -66,7 +66,7 @@ impl<'a> RefinedViews<'a> {
     /// Renders the views `wanted` (row, column), a few side by side, each handed to `sink` in the order wanted.
     ///
     /// # Errors
-    /// Views that do not exist, what the sink returns, interruption.
+    /// Views that do not exist, errors of the sink, interruption.
     pub fn render_views<E: From<Error>>(
         &self,
         wanted: &[(usize, usize)],

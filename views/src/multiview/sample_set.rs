@@ -1,4 +1,4 @@
-//! All samples of all views, wherever they come from, and how one view alone would be interpolated.
+//! All samples of all views, of a capture or of a light field, and the interpolation of one view alone.
 
 use lenslet_core::colour::LUMINANCE;
 use lenslet_core::decode::HexSamples;
@@ -19,7 +19,7 @@ pub struct SampleSet<'a> {
     columns: usize,
     /// Where the samples lie in their own view, pixels of the target.
     pub(super) points: Vec<[f32; 2]>,
-    /// (views, samples, channels)
+    /// Values, shape (views, samples, channels).
     values: CowArray<'a, f32, Ix3>,
     /// Weight of each view, 0 to 1: its light as a share of the brightest view's.
     pub(super) weights: Vec<f32>,
@@ -32,7 +32,7 @@ pub struct SampleSet<'a> {
     single_view: SingleView,
 }
 
-/// Light as it is, or encoded for the screen.
+/// Whether the values are linear light or sRGB-encoded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Linear,
@@ -152,7 +152,7 @@ impl<'a> SampleSet<'a> {
         self.values.index_axis(Axis(0), v * self.columns + u)
     }
 
-    /// What one view alone gives, (t, s, c).
+    /// Interpolation of one view from its own samples, (t, s, c).
     pub(super) fn single(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {
         let values = self.view(v, u);
         match &self.single_view {
@@ -232,7 +232,7 @@ impl<'a> SampleSet<'a> {
         let median = squares.get(squares.len() / 2).copied().unwrap_or(f32::INFINITY);
         // A second difference has six times the variance of a sample, and less where neighbouring views share pixels;
         // the median of squares is 0.455 (one channel) to 0.79 (three) of their mean. Where less light falls, values
-        // are continued outwards, and what neighbours share grows.
+        // are continued outwards, and neighbours share more pixels.
         let light = self.weights[at.0 * self.columns + at.1].max(0.1);
         4.0 * median / (6.0 * 0.455) / (light * light)
     }

@@ -1,7 +1,7 @@
 //! The smooth fit (an alternative to the triangulation of section 4.3): pixels I minimising Σ w_i (f_i −
 //! B(x_i)·I)² + λ|I − prior|², B bilinear, by a few steps of diagonally preconditioned descent from the prior, which is
-//! what one view alone gives. The samples of the other views are fitted first; those of the view itself then validate
-//! the fit (see [`super::cross_validation`]) and enter last.
+//! the interpolation of the view's own samples. The samples of the other views are fitted first; those of the view
+//! itself then validate the fit (see [`super::cross_validation`]) and enter last.
 
 use ndarray::Array3;
 
@@ -53,8 +53,8 @@ pub(super) fn render_view(
     drop(rays);
     // Leave-one-view-out residual. An own sample f_i at x_i is predicted by the image I of the others; with
     // s = w/(w + ½), the share of the others in a pixel of weight w, and c_i = B(x_i)·s, the residual f_i − B(x_i)·I is
-    // c_i times the error of the others (the prior, made of the own samples, contributes none). So the mean square is Σ
-    // (f_i − B(x_i)·I)² / Σ c_i².
+    // c_i times the error of the others (the prior, made of the own samples, contributes none). So the mean square is
+    // Σ (f_i − B(x_i)·I)² / Σ c_i².
     let own = own_samples(set, disparities, at, (w, h));
     let (mut fit_residual, mut light) = (Cells::new(w, h), Cells::new(w, h));
     for ray in &own {
@@ -76,7 +76,7 @@ pub(super) fn render_view(
         for l in 0..3 {
             p[l] = a[l] + share * (p[l] - a[l]);
         }
-        // From here on: what the own samples leave, and the weight already there.
+        // From here on: residuals of the own samples, and the weight already there.
         *s = [0.0, 0.0, 0.0, s[3] * share];
     }
     let mut weights: Vec<[f32; 4]> = vec![[0.0; 4]; w * h];

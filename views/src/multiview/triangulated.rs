@@ -1,4 +1,4 @@
-//! Section 4.3 as the paper has it: all samples at their exact places are triangulated, and the remaining pixels
+//! Section 4.3 as in the paper: all samples at their exact places are triangulated, and the remaining pixels
 //! interpolated barycentrically. Samples closer than half a pixel are joined to their mean first.
 
 use lenslet_core::sampling::Weights;

@@ -14,9 +14,9 @@ pub struct ViewDisparities {
     pub(super) samples: Vec<f32>,
     /// Pixels of the target per pixel of the maps.
     pub(super) scale: [f32; 2],
-    /// Which disparities are in front.
+    /// Whether smaller or larger disparities are in front.
     pub order: DepthOrder,
-    /// What was found in the middle view, pixels of the target per view step, on the working grid.
+    /// The middle view's disparity, pixels of the target per view step, on the working grid.
     pub middle: Disparity,
 }
 
@@ -25,7 +25,7 @@ impl ViewDisparities {
     #[inline]
     pub(super) fn near(&self, k: usize, x: f32, y: f32) -> f32 {
         let map = &self.maps[k];
-        // Within the picture: nothing is below 0.
+        // Positions within the picture are not below 0.
         let s = ((x + 0.5) / self.scale[0]) as usize;
         let t = ((y + 0.5) / self.scale[1]) as usize;
         map.data[t.min(map.height - 1) * map.width + s.min(map.width - 1)]

@@ -46,7 +46,7 @@ impl DataConsistent {
     /// before the reconstruction, and after it unless a network with the samples as side inputs made it.
     ///
     /// # Errors
-    /// Shapes that do not belong together, what the solver reports.
+    /// Shapes that do not belong together, errors of the solver.
     pub fn reconstruct_view(&self, low: &View<Srgb>, values: ArrayView2<'_, f32>) -> Result<View<Srgb>, Error> {
         let y = checked_luminance(low.pixels())?;
         let inputs = self.reconstructor.side_inputs();

@@ -87,7 +87,7 @@ impl Reconstructor {
     /// is not clamped.
     ///
     /// # Errors
-    /// What the solver reports; images of another size or number.
+    /// Errors of the solver; images of another size or number.
     pub fn reconstruct_plane(
         &self,
         low: ArrayView2<'_, f32>,
@@ -104,7 +104,7 @@ impl Reconstructor {
     /// by it. Clamped to 0..1.
     ///
     /// # Errors
-    /// Another number of channels; what the solver reports.
+    /// Another number of channels; errors of the solver.
     pub fn reconstruct_view(&self, low: &View<Srgb>) -> Result<View<Srgb>, dictionary::Error> {
         let y = checked_luminance(low.pixels())?;
         let sharp = self.reconstruct_plane(y.view(), &[])?;

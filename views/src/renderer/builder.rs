@@ -64,7 +64,7 @@ impl<'a> RendererBuilder<'a> {
         self
     }
 
-    /// Prepares the rendering: tables, disparity, dictionary.
+    /// Prepares the rendering: interpolation tables, disparity for multi-view, dictionary for learned reconstruction.
     ///
     /// # Errors
     /// As [`Renderer::prepare`].

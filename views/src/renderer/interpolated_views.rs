@@ -61,7 +61,7 @@ impl<'a> InterpolatedViews<'a> {
         Ok(InterpolatedViews { samples, source: Source::Refined(Box::new(refined)) })
     }
 
-    /// Renders the view (row `v`, column `u`, from 0).
+    /// Renders the view (row `v`, column `u`, from 0), shape (t, s, c), linear light.
     ///
     /// # Errors
     /// A view that does not exist.
@@ -80,7 +80,7 @@ impl<'a> InterpolatedViews<'a> {
     /// Renders the views `wanted` (row, column), each handed to `sink` in the order wanted.
     ///
     /// # Errors
-    /// Views that do not exist, what the sink returns, interruption.
+    /// Views that do not exist, errors of the sink, interruption.
     pub fn render_views<E: From<Error>>(
         &self,
         wanted: &[(usize, usize)],

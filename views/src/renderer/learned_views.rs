@@ -29,7 +29,7 @@ pub struct LearnedViews<'a> {
 }
 
 enum Step {
-    /// With back-projection onto the measured samples.
+    /// Back-projection onto the measured samples follows.
     Consistent(Box<DataConsistent>),
     /// The dictionary alone.
     Alone(Box<Reconstructor>),
@@ -79,7 +79,7 @@ impl<'a> LearnedViews<'a> {
         self.working
     }
 
-    /// Which predictor runs.
+    /// The predictor, the step between patches and the copies averaged.
     #[must_use]
     pub fn plan(&self) -> Plan {
         self.plan
@@ -88,7 +88,7 @@ impl<'a> LearnedViews<'a> {
     /// Reconstructs the view (row `v`, column `u`), interpolated at [`LearnedViews::working_size`], to the target size.
     ///
     /// # Errors
-    /// Shapes that do not belong together, what the solver reports.
+    /// Shapes that do not belong together, errors of the solver.
     pub fn reconstruct_view(&self, low: &View, v: usize, u: usize) -> Result<View, Error> {
         let encoded = low.encode();
         let sharp = match &self.step {

@@ -86,7 +86,7 @@ impl<'a> Renderer<'a> {
         self.size
     }
 
-    /// What learned reconstruction runs; none where views are only interpolated.
+    /// The plan of learned reconstruction; `None` where views are only interpolated.
     #[must_use]
     pub fn plan(&self) -> Option<Plan> {
         self.learned.as_ref().map(LearnedViews::plan)
@@ -95,7 +95,7 @@ impl<'a> Renderer<'a> {
     /// Renders the view (row `v`, column `u`, from 0), in linear light.
     ///
     /// # Errors
-    /// A view that does not exist, what the solver reports.
+    /// A view that does not exist, errors of the solver.
     pub fn view(&self, v: usize, u: usize) -> Result<View, Error> {
         let view = self.interpolated.render_view(v, u)?;
         match &self.learned {
@@ -107,7 +107,7 @@ impl<'a> Renderer<'a> {
     /// Renders the views `wanted` (row, column), each handed to `sink` in the order wanted.
     ///
     /// # Errors
-    /// Views that do not exist, what the sink returns, interruption.
+    /// Views that do not exist, errors of the sink, interruption.
     pub fn render_views<E: From<Error>>(&self, wanted: &[(usize, usize)], sink: Sink<'_, E>) -> Result<(), E> {
         let mut finished = |v: usize, u: usize, view: View| match &self.learned {
             Some(learned) => sink(v, u, learned.reconstruct_view(&view, v, u)?),

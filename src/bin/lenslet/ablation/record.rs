@@ -49,7 +49,7 @@ pub struct Record {
     pub parameters: Value,
     /// Scores by name; empty when the run failed.
     pub scores: BTreeMap<String, f64>,
-    /// Why it failed, if it did.
+    /// The reason where it failed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failed: Option<String>,
     /// Seconds of the step in question.

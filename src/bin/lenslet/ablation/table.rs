@@ -119,7 +119,7 @@ pub struct Table {
     pub columns: Vec<String>,
     /// Rows in the plan's order.
     pub rows: Vec<Row>,
-    /// Why runs failed, each once.
+    /// The reasons of failed runs, each once.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub failures: Vec<String>,
 }
