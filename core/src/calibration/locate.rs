@@ -1,5 +1,5 @@
-//! The default way from an equalised image to centres: spectrum → phases → three rounds of (profile → centres → lattice
-//! → illumination) → shrinkage, all on the unrotated mosaic. Coordinates are transformed, never pixels.
+//! The default method, from an equalised image to centres: spectrum → phases → three rounds of (profile → centres →
+//! lattice → illumination) → shrinkage, all on the unrotated mosaic. Coordinates are transformed, never pixels.
 
 use super::centres::lattice_fit;
 use super::centres::measure::measure_lenslets;

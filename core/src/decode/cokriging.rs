@@ -215,7 +215,7 @@ fn matern(r: f64, length: f64) -> f64 {
     (1.0 + a) * (-a).exp()
 }
 
-/// The weights of one sub-pixel position. None when a colour has no pixel in the micro-image.
+/// The weights of one sub-pixel position. `None` when a colour has no pixel in the micro-image.
 fn solve_weights(model: &Model<'_>, key: u32) -> Option<Weights> {
     let cells = PHASES as u32;
     let (parity, fy, fx) = (key / (cells * cells), (key / cells) % cells, key % cells);

@@ -67,7 +67,7 @@ fn is_picture_name(name: &str) -> bool {
     !stem.is_empty() && !stem.starts_with('.') && EXTENSIONS.iter().any(|e| extension.eq_ignore_ascii_case(e))
 }
 
-/// A name's numbers, and the name with each of them replaced by `#`. None if a number is too long to be one.
+/// A name's numbers, and the name with each of them replaced by `#`. `None` if a number is too long to be one.
 fn split_numbers(name: &str) -> Option<(String, Vec<u64>)> {
     let mut pattern = String::new();
     let mut numbers = Vec::new();

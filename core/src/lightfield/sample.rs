@@ -32,7 +32,7 @@ impl SampleKind {
     }
 
     /// The value that represents 1.0: the largest one of an unsigned integer, 1 of floating point.
-    /// None where no convention exists.
+    /// `None` where no convention exists.
     pub(super) fn full_scale(self) -> Option<f32> {
         match self {
             SampleKind::U8 => Some(255.0),

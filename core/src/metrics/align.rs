@@ -153,7 +153,7 @@ fn pyramid(picture: Array2<f32>) -> Vec<Array2<f32>> {
     levels
 }
 
-/// Bilinear value and slopes of a picture; None outside of it.
+/// Bilinear value and slopes of a picture; `None` outside of it.
 fn value_and_slopes(picture: &Array2<f32>, x: f64, y: f64) -> Option<[f64; 3]> {
     let (height, width) = picture.dim();
     if !(x >= 0.0 && y >= 0.0 && x < (width - 1) as f64 && y < (height - 1) as f64) {

@@ -1,8 +1,8 @@
 //! Sharpness and jaggedness of a straight edge.
 //!
-//! MTF50 after ISO 12233's slanted-edge method: pixels are binned by their distance from the fitted edge (a quarter
-//! pixel a bin), the derivative of that profile is the line spread, and the modulus of its Fourier transform the MTF.
-//! Jaggedness is the RMS distance of the rows' own edge positions from the straight line through them all.
+//! MTF50 after ISO 12233's slanted-edge method: pixels are binned by their distance from the fitted edge (four
+//! bins per pixel), the derivative of that profile is the line spread, and the modulus of its Fourier transform the
+//! MTF. Jaggedness is the RMS distance of the rows' own edge positions from the straight line through them all.
 
 use ndarray::ArrayView2;
 
@@ -29,7 +29,7 @@ pub struct Edge {
 }
 
 /// Measures the one edge in `window` (t, s), which runs within 30° of straight down. For an edge that runs across, pass
-/// the transposed window. None where there is no such edge, or the window is smaller than 8 rows or 12 columns.
+/// the transposed window. `None` where there is no such edge, or the window is smaller than 8 rows or 12 columns.
 ///
 /// ```
 /// use lenslet_core::metrics::slanted_edge;
@@ -109,7 +109,7 @@ fn level_crossing(window: ArrayView2<f32>, t: usize, level: f64, rising: bool, n
     best
 }
 
-/// Least-squares line (offset, slope) through positions by row; None when fewer than six rows have one.
+/// Least-squares line (offset, slope) through positions by row; `None` when fewer than six rows have one.
 fn fit_line(positions: &[Option<f64>]) -> Option<(f64, f64)> {
     let points: Vec<(f64, f64)> = positions.iter().enumerate().filter_map(|(t, x)| Some((t as f64, (*x)?))).collect();
     if points.len() < 6 {

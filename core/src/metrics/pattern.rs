@@ -13,8 +13,8 @@ pub struct Pattern {
     pub spurious: f64,
 }
 
-/// Splits `result` along `reference`, both (t, s). None for a reference without contrast, shapes that differ, or values
-/// that are not finite.
+/// Splits `result` along `reference`, both (t, s). `None` for a reference without contrast, shapes that differ, or
+/// values that are not finite.
 ///
 /// ```
 /// use lenslet_core::metrics::pattern_contrast;

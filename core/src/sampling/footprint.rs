@@ -53,7 +53,7 @@ pub fn lattice_points_in(lattice: &Lattice, width: usize, height: usize) -> Resu
 /// Samples `image` (t, s, c) at `centres`: shape (centres, channels). Beyond the border the edge pixel repeats.
 ///
 /// # Errors
-/// A disc diameter that is not positive and at most 256 pixels, an empty image, a centre that is not finite.
+/// A disc diameter that is not above 0 and at most 256 pixels, an empty image, a centre that is not finite.
 pub fn sample_image(
     image: ArrayView3<'_, f32>,
     centres: &[[f64; 2]],

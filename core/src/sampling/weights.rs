@@ -72,7 +72,7 @@ impl Weights {
     /// Interpolates `values` (samples, channels): shape (t, s, channels).
     ///
     /// # Errors
-    /// When `values` does not hold one row a sample.
+    /// When `values` does not have one row per sample.
     pub fn apply(&self, values: ArrayView2<'_, f32>) -> Result<Array3<f32>, Error> {
         let channels = values.ncols();
         if values.nrows() != self.samples {

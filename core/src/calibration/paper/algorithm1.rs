@@ -1,4 +1,4 @@
-//! Algorithm 1 as printed in the paper, for comparison with the default way: gamma, average, demosaic by equal
+//! Algorithm 1 as printed in the paper, for comparison with the default method: gamma, average, demosaic by equal
 //! channels, contrast stretch; rotation from the spectral peak nearest zero, the image rotated; erosion, local maxima,
 //! paraboloids; Delaunay triangulation and a regular triangle grid. Vignetting, noise and the second resampling bias
 //! its centres.

@@ -1,6 +1,6 @@
-//! Algorithm 1, "gamma correction": light is encoded by the camera's exponent before averaging. The default way leaves
-//! it out: centres are measured in linear light, where vignetting is a factor and the noise variance is linear in the
-//! light.
+//! Algorithm 1, "gamma correction": light is encoded by the camera's exponent before averaging. The default method
+//! leaves it out: centres are measured in linear light, where vignetting is a factor and the noise variance is linear
+//! in the light.
 
 use crate::container::Capture;
 

@@ -1,4 +1,4 @@
-//! Algorithm 1 as printed in the paper (section 3.2), and simplified variants, for comparison with the default way.
+//! Algorithm 1 as printed in the paper (section 3.2), and simplified variants, for comparison with the default method.
 //! Only here is the sensor image resampled.
 
 pub mod algorithm1;

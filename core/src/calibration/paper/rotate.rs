@@ -1,4 +1,4 @@
-//! Algorithm 1, "rotate image by the estimated angle": resamples every pixel, bilinear. The default way does not
+//! Algorithm 1, "rotate image by the estimated angle": resamples every pixel, bilinear. The default method does not
 //! rotate.
 
 use rayon::prelude::*;

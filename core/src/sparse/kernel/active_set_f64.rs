@@ -175,7 +175,7 @@ fn move_to_minimum(members: &mut Vec<Member>, error: &mut Vec<f64>, keep_signs: 
 }
 
 /// The value an entering atom starts with: 0, or, where it depends linearly on the support, the value at which its null
-/// direction brings the first member to zero (which leaves). None when there is no such member.
+/// direction brings the first member to zero (which leaves). `None` when there is no such member.
 fn starting_value(members: &mut Vec<Member>, error: &mut Vec<f64>, column: &[f64], sign: f64) -> Option<f64> {
     let own = inner_product(column, column);
     let overlap: Vec<f64> = members.iter().map(|m| inner_product(&m.column, column)).collect();

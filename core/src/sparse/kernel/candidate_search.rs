@@ -24,8 +24,8 @@ pub(crate) enum Search {
 }
 
 /// Finds the atom that violates its condition most. `correlations` are those of the signal less λθ on the support;
-/// `peaks` is scratch of one value a chunk. With `CANDIDATES` it is sought among the candidate chunks, otherwise among
-/// all (at most [`MAX_CHUNKS_SEARCHED_WHOLE`]).
+/// `peaks` is scratch of one value per chunk. With `CANDIDATES` it is sought among the candidate chunks, otherwise
+/// among all (at most [`MAX_CHUNKS_SEARCHED_WHOLE`]).
 #[inline(always)]
 pub(crate) fn find_entering<S: Lanes, const C: usize, const CANDIDATES: bool>(
     lanes: S,

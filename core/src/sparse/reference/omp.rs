@@ -2,7 +2,7 @@
 //!
 //! The plain reference, in f64, of [`crate::sparse::kernel::pursuit_f32`]. Each step takes the atom most correlated
 //! with the residual, then refits all of them by least squares, through a Cholesky factor of the support's Gram matrix
-//! that grows by a row a step. Correlations are updated, not residuals.
+//! that grows by one row per step. Correlations are updated, not residuals.
 
 use crate::sparse::problem::{Ended, Finished, Problem, Work};
 
