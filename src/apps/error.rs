@@ -32,7 +32,7 @@ pub enum Error {
     /// A picture could not be encoded.
     #[error(transparent)]
     Image(#[from] image_io::Error),
-    /// The observer asked to stop.
+    /// The observer cancelled.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
 }

@@ -230,7 +230,7 @@ fn check(data: &ArrayView5<f32>, aperture: &ArrayView2<f32>) -> Result<(), Error
     let sum: f32 = aperture.iter().sum();
     ensure_parameter!(
         sum > 0.0 && sum.is_finite() && aperture.iter().all(|a| *a >= 0.0),
-        "the aperture lets no view through"
+        "the aperture gives no view a weight"
     );
     ensure_shape!(data.is_standard_layout(), "the light field is not in (v, u, t, s, c) order in memory");
     Ok(())

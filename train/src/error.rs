@@ -41,7 +41,7 @@ pub enum Error {
     /// Output failed.
     #[error(transparent)]
     Output(#[from] lenslet_core::output::Error),
-    /// The observer asked to stop; the checkpoint, if any, holds the last whole epoch.
+    /// The observer cancelled; the checkpoint, if any, holds the last whole epoch.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
 }

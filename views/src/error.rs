@@ -31,7 +31,7 @@ pub enum Error {
     /// Arrays of other sizes than they should have: a fault of the input.
     #[error("shapes do not belong together: {0}")]
     Array(#[from] ndarray::ShapeError),
-    /// The observer asked to stop.
+    /// The observer cancelled.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
 }

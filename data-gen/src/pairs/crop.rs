@@ -54,7 +54,7 @@ impl Default for CropOptions {
 }
 
 /// `count` random crops of a photo, degraded, without the borders that the degradation spoils. `index` is the number of
-/// the photo. A photo that is too small to be shrunk as far as asked is shrunk less, down to not at all.
+/// the photo. A photo that would become smaller than a crop is shrunk less, or not at all.
 ///
 /// # Errors
 /// Parameters out of range, or a photo smaller than a crop.

@@ -19,7 +19,7 @@ pub struct Degradation {
     pub pitch: f64,
     /// Rotation of the lattice, radians.
     pub rotation: f64,
-    /// What one sample sees.
+    /// What one sample is: the value at a point, the mean over a lenslet, or a pixel of a rectangular grid.
     pub footprint: Footprint,
     /// Interpolation of the samples.
     pub base: Interpolation,

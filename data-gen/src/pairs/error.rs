@@ -23,7 +23,7 @@ pub enum Error {
     /// Output failed.
     #[error(transparent)]
     Output(#[from] lenslet_core::output::Error),
-    /// The observer asked to stop.
+    /// The observer cancelled.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
 }

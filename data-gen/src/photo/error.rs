@@ -76,7 +76,7 @@ pub enum Error {
         /// The (width, height) asked for.
         to: (usize, usize),
     },
-    /// The observer asked to stop.
+    /// The observer cancelled.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
 }

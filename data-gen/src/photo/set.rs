@@ -14,7 +14,7 @@ use super::luminance::{LuminancePhoto, load_luminance};
 /// Source: chosen; a crop with its borders is hardly smaller.
 pub const LEAST_SIDE: usize = 64;
 
-/// The photos that were asked for. One of them is in memory at a time.
+/// The photos of a call. One of them is in memory at a time.
 #[derive(Debug, Clone)]
 pub struct PhotoSet {
     files: Vec<PathBuf>,

@@ -33,7 +33,7 @@ pub enum Error {
     /// The truth views cannot be written.
     #[error(transparent)]
     LightField(#[from] lenslet_core::lightfield::Error),
-    /// The observer asked to stop.
+    /// The observer cancelled.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
 }

@@ -2,7 +2,7 @@
 //!
 //! Positions on a layer are those of the central view, in lenslet pitches from the sensor's centre. A layer's disparity
 //! is d(X) = d0 + g·X, in pitches per sensor pixel of offset: a point at X shows at P = X + d(X)·δ under offset δ
-//! (sensor pixels), so P looks at X = P − d·δ with d = (d0 + g·P)/(1 + g·δ). The texture is a grid of cubic B-spline
+//! (sensor pixels), so P shows X = P − d·δ with d = (d0 + g·P)/(1 + g·δ). The texture is a grid of cubic B-spline
 //! coefficients at a spacing of 0.8 footprint sigmas; box, Gaussian and spline together have the footprint's variance,
 //! so that the layer *is* the low-passed picture, at any position.
 

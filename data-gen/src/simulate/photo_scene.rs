@@ -23,7 +23,7 @@ const MOST_PIXELS: usize = 60_000_000;
 /// Shortest side of a photo, pixels.
 const LEAST_SIDE: usize = 8;
 
-/// Largest disparity of a scene of several photos where none is asked for, pitches per sensor pixel.
+/// Largest disparity of a scene of several photos by default, pitches per sensor pixel.
 /// Source: chosen.
 const DEFAULT_DISPARITY: f64 = 0.3;
 

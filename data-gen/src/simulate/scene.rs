@@ -10,12 +10,12 @@ use super::layer::Layer;
 use super::scene_name::SceneName;
 use super::{chart, painting};
 
-/// A rasterised scene, ready to be looked at from any view.
+/// A rasterised scene, from which any view can be rendered.
 #[derive(Debug, Clone)]
 pub struct Scene {
     /// Name, for the record.
     pub name: String,
-    /// Largest disparity asked for, pitches per sensor pixel.
+    /// Largest disparity, pitches per sensor pixel.
     pub disparity: f64,
     /// Regions of known content.
     pub regions: Vec<Region>,
@@ -82,7 +82,7 @@ impl Scene {
                 description.layers.len()
             )));
         }
-        // A pixel of a neighbouring lenslet looks past the canvas by its disparity times its offset.
+        // A pixel of a lenslet at the rim reaches beyond the canvas by its disparity times its offset.
         let rim = canvas.disparity.abs() * camera.lenslets.pitch + 3.0;
         let extent: Bounds = [-canvas.half[0] - rim, -canvas.half[1] - rim, canvas.half[0] + rim, canvas.half[1] + rim];
         observer.begin("scene", description.layers.len() as u64);

@@ -53,7 +53,7 @@ impl SceneName {
         }
     }
 
-    /// Largest disparity where none is asked for, in pitches per sensor pixel.
+    /// Default of the largest disparity, in pitches per sensor pixel.
     pub fn default_disparity(self) -> f64 {
         match self {
             SceneName::Natural | SceneName::Planes | SceneName::Slanted | SceneName::Occluders => 0.3,

@@ -133,7 +133,7 @@ fn fill(title: &str, data: &str) -> String {
     let script = [page::COMMON_SCRIPT, include_str!("paint.js"), include_str!("page.js")].concat();
     // In JSON these characters occur within strings only, where they may be written like this.
     let data = data.replace('<', "\\u003c").replace('>', "\\u003e").replace('&', "\\u0026");
-    // The template is taken apart before anything is put in, so that no inserted text is looked at again.
+    // The template is split before anything is inserted, so that inserted text is never searched for placeholders.
     let parts: Vec<&str> = include_str!("page.html").split('@').collect();
     let body: String = parts
         .iter()

@@ -12,7 +12,7 @@ pub enum Error {
     /// An option is out of range.
     #[error("{0}")]
     Parameter(String),
-    /// The observer asked to stop.
+    /// The observer cancelled.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
 }

@@ -6,7 +6,7 @@ use ndarray::{Array3, ArrayView2};
 
 use crate::Error;
 
-/// An interpolation prepared for one lattice and one size; good for every view and every capture of the camera.
+/// An interpolation prepared for one lattice and one size; it serves every view and every capture of the camera.
 pub trait ViewInterpolator: Debug + Send + Sync {
     /// One view (t, s, c) from its values (lenslets, c). Linear in the values; nothing is clamped.
     ///

@@ -80,7 +80,7 @@ pub fn estimate_disparities(
     Ok(disparities)
 }
 
-/// Whether nearer surfaces have the smaller or the larger disparity: whichever explains the corner views better.
+/// Whether nearer surfaces have the smaller or the larger disparity: whichever predicts the corner views better.
 /// Light fields whose views are numbered against the camera's movement have it the other way round.
 fn estimate_depth_order(central: &Plane, grid: &[Vec<Plane>], scale: [f32; 2], views: (usize, usize)) -> DepthOrder {
     let (rows, columns) = views;

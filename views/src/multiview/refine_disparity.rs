@@ -104,7 +104,7 @@ struct Ray {
     y: f32,
 }
 
-/// Samples that the middle view sees as well.
+/// Samples of surfaces that are visible in the middle view.
 fn origins(set: &SampleSet, disparities: &ViewDisparities) -> Vec<Ray> {
     let views = (disparities.rows, disparities.columns);
     let middle = (views.0 / 2) * views.1 + views.1 / 2;

@@ -14,7 +14,7 @@ const EPSILON: f32 = 3e-5;
 ///
 /// Source: chosen.
 const AROUND: usize = 2;
-/// Steps of luminance in which noise is looked for.
+/// Steps of luminance in which noise is estimated.
 ///
 /// Source: chosen.
 const STEPS: usize = 8;

@@ -33,7 +33,7 @@ pub struct Reconstructor {
 }
 
 impl Reconstructor {
-    /// Prepares the model for the footprint asked for.
+    /// Prepares the model for the footprint of `options`.
     ///
     /// # Errors
     /// Options out of range for this dictionary.

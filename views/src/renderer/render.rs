@@ -51,7 +51,8 @@ pub struct Renderer<'a> {
 }
 
 impl<'a> Renderer<'a> {
-    /// Prepares `method` for views of `samples` at `size`; `observer` sees this and all rendering.
+    /// Prepares `method` for views of `samples` at `size`; `observer` gets the progress of this and of all
+    /// rendering.
     ///
     /// # Errors
     /// Samples that cannot be triangulated, a size out of range, a dictionary that cannot be used, interruption.

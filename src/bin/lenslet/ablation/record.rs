@@ -28,7 +28,7 @@ pub struct Scored {
     pub pictures: BTreeMap<String, String>,
     /// sha256 of the files that went in, by file name.
     pub hashes: BTreeMap<String, String>,
-    /// Anything else worth keeping (an alignment).
+    /// Anything else (an alignment).
     pub notes: Option<Value>,
 }
 

@@ -37,7 +37,7 @@ pub fn watch(mib: usize) -> std::io::Result<()> {
     std::thread::Builder::new().name("memory".into()).spawn(over).map(|_| ())
 }
 
-/// Why the work ended, if it was for its memory.
+/// The message where the work ended because of its memory.
 pub fn exceeded(mib: Option<usize>) -> Option<String> {
     let seen = SEEN.load(Ordering::SeqCst);
     mib.filter(|_| seen > 0).map(|mib| message(mib, seen))
@@ -45,8 +45,8 @@ pub fn exceeded(mib: Option<usize>) -> Option<String> {
 
 fn message(mib: usize, seen: usize) -> String {
     format!(
-        "stopped at {seen} MiB, for --memory allows {mib}: give it more, fewer --threads, or less at a time (--size, \
-         --views, --scale, --pairs); what was finished is kept"
+        "stopped at {seen} MiB, more than the {mib} of --memory: raise it, or use fewer --threads or smaller --size, \
+         --views, --scale or --pairs; finished outputs are kept"
     )
 }
 

@@ -49,7 +49,7 @@ pub struct Args {
     /// Factor by which photos are shrunk first (1 to 1000)
     #[arg(long, default_value_t = 1.5, value_name = "F")]
     shrink: f64,
-    /// What a sample sees
+    /// What a sample is: the mean over the lenslet, or a point
     #[arg(long, value_enum, default_value = "lenslet")]
     footprint: FootprintName,
     /// Standard deviation of noise on the samples, of the range 0..1

@@ -62,7 +62,7 @@ fn the_sliders_of_a_report_work_by_mouse_and_keyboard() {
         browser.key("Tab");
         browser.key("ArrowDown");
         assert_eq!([colour(&mut browser, 0.3), colour(&mut browser, 0.7)], [0, 2]);
-        // Arrow keys move what is looked at closely, to the corner with its white pixel.
+        // Arrow keys move the enlarged crop, to the corner with its white pixel.
         let white = "[...document.querySelectorAll('.loupe canvas')].map(c => c.getContext('2d').getImageData(1, 1, 1, 1).data.join()).join(' ')";
         let before = browser.value(white);
         browser.value("document.querySelector('.compare .frame').focus(), 0");
