@@ -117,6 +117,9 @@ impl CalibrationStore {
         }
         match &self.last {
             Some((_, found)) => {
+                // Decoding refuses it, too; here the calibration's file is known.
+                calibration::check_compatible(found, capture)
+                    .map_err(|e| anyhow::Error::new(e).context(path.display().to_string()))?;
                 if only {
                     for line in calibration::lens_setting_differences(found, capture) {
                         context.progress.note(&format!("{}: {line}", path.display()));
