@@ -1,7 +1,7 @@
 //! What the sensor records: the white pattern, the scene through it, mosaic, noise, digital numbers.
 //!
-//! - white(p) = field(p) · (light ⊛ pixel ⊛ optical blur)(p), scaled so that a lenslet centre in the middle of the field
-//!   is 1.
+//! - white(p) = field(p) · (light ⊛ pixel ⊛ optical blur)(p), scaled so that a lenslet centre in the middle of the
+//!   field is 1.
 //! - scene(p) = the scene's colour averaged over the pixel's and the blur's extent (a 3×3 Gauss–Hermite rule), each
 //!   position seen by its nearest lenslet at c under offset p − c and weighted with its light.
 //! - Recorded is black + (white − black)·white(p)·response(colour filter)·scene(p), plus normal noise of variance
