@@ -15,7 +15,7 @@ use lenslet_core::lightfield::ColourSpace;
 use lenslet_core::metrics::{BORDER, Scores, Window};
 use lenslet_core::sampling::{self, Cubic, DEFAULT_PITCH, DEFAULT_ROTATION, Weights, bicubic, lattice_samples};
 use lenslet_data_gen::photo::load_luminance;
-use lenslet_views::reconstruct::{Mode, Options, Reconstructor, SamplingOperator, back_project, embedded};
+use lenslet_views::reconstruct::{Mode, Options, Reconstructor, SamplingOperator, back_project, embedded_dictionary};
 use ndarray::{Array2, ArrayView2, Axis, s};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -144,7 +144,7 @@ fn main() -> anyhow::Result<()> {
     let arguments = Arguments::parse();
     let dictionary = match &arguments.dictionary {
         Some(file) => dictionary::load(file)?,
-        None => embedded()?,
+        None => embedded_dictionary()?,
     };
     let mut sums: BTreeMap<String, [f64; 3]> = BTreeMap::new();
     let mut order = Vec::new();

@@ -69,7 +69,7 @@ fn scored(kind: SceneName, a: &Arguments, dictionary: &Dictionary) -> anyhow::Re
     let simulation = simulate::render_capture(&scene, &camera, &options, &Silent)?;
     let size = simulate::output_size(&camera, (a.sensor * 1080 + 1640) / 3280);
     let calibration = calibration::calibrate(&simulation.whites, &calibration::CalibrationOptions::default(), &Silent)?;
-    let samples = decode::samples(&simulation.capture, &calibration, &decode::Options::default(), &Silent)?;
+    let samples = decode::sample_views(&simulation.capture, &calibration, &decode::Options::default(), &Silent)?;
 
     let target = Size { width: size.0, height: size.1 };
     let options = Options { mode: a.mode, ..Options::default() };
@@ -104,7 +104,7 @@ fn main() -> anyhow::Result<()> {
     let a = Arguments::parse();
     let dictionary = match &a.dictionary {
         Some(file) => dictionary::load(file)?,
-        None => reconstruct::embedded_for(Interpolation::Multiview)?,
+        None => reconstruct::embedded_dictionary_for(Interpolation::Multiview)?,
     };
     let mut out = Map::new();
     for &kind in &a.scenes {

@@ -103,7 +103,7 @@ fn learned(
     wanted: &[(usize, usize)],
     refined: &[View],
 ) -> anyhow::Result<Vec<View>> {
-    let dictionary = reconstruct::embedded_for(Interpolation::Multiview)?;
+    let dictionary = reconstruct::embedded_dictionary_for(Interpolation::Multiview)?;
     let options = reconstruct::Options::default();
     let learned = LearnedViews::prepare(samples, Interpolation::Multiview, target, &dictionary, &options, &Silent)?;
     wanted.iter().zip(refined).map(|(&(v, u), view)| Ok(learned.reconstruct_view(view, v, u)?)).collect()

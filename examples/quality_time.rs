@@ -15,7 +15,7 @@ use lenslet_core::linalg;
 use lenslet_core::metrics::{BORDER, Scores, Window};
 use lenslet_core::sampling::{self, DEFAULT_PITCH, DEFAULT_ROTATION, Weights, lattice_samples};
 use lenslet_data_gen::photo::load_luminance;
-use lenslet_views::reconstruct::embedded;
+use lenslet_views::reconstruct::embedded_dictionary;
 use ndarray::{Array2, Axis, s};
 use serde_json::{Value, json};
 
@@ -80,7 +80,7 @@ fn product(n: usize, m: usize, k: usize) -> f64 {
 #[allow(clippy::print_stdout)]
 fn main() -> anyhow::Result<()> {
     let Arguments { dictionary, footprint, images } = Arguments::parse();
-    let dictionary = dictionary.map_or_else(embedded, |file| dictionary::load(&file))?;
+    let dictionary = dictionary.map_or_else(embedded_dictionary, |file| dictionary::load(&file))?;
     let model = dictionary.model(footprint).ok_or_else(|| anyhow!("the dictionary holds no model"))?;
 
     let mut planes = Vec::new();

@@ -27,7 +27,7 @@ fn views(kind: SceneName, noise: f64) -> (Scene, HexSamples) {
     let simulation = simulate::render_capture(&scene, &camera, &options, &Silent).unwrap();
     let found =
         calibration::calibrate(&simulation.whites, &calibration::CalibrationOptions::default(), &Silent).unwrap();
-    let samples = decode::samples(&simulation.capture, &found, &decode::Options::default(), &Silent).unwrap();
+    let samples = decode::sample_views(&simulation.capture, &found, &decode::Options::default(), &Silent).unwrap();
     (scene, samples)
 }
 

@@ -33,7 +33,7 @@ fn taken(kind: SceneName, side: usize, noise: f64) -> (Camera, Scene, Simulation
 
 fn central(simulation: &Simulation, found: &Calibration) -> HexSamples {
     let options = decode::Options { views: 1, ..decode::Options::default() };
-    decode::samples(&simulation.capture, found, &options, &Silent).unwrap()
+    decode::sample_views(&simulation.capture, found, &options, &Silent).unwrap()
 }
 
 /// The central view by `method`, sRGB-encoded.

@@ -99,7 +99,7 @@ fn without_view(step: ViewStep) -> Options {
 }
 
 fn decoded(capture: &Capture, calibration: &Calibration, options: &Options) -> HexSamples {
-    decode::samples(capture, calibration, options, &Silent).unwrap()
+    decode::sample_views(capture, calibration, options, &Silent).unwrap()
 }
 
 /// Lenslets at least `margin` pixels from the sensor's border.
@@ -299,7 +299,7 @@ fn each_step_does_its_part() {
     assert!(worst < 0.05 && worst < 0.5 * unknown, "{worst} {unknown}");
     calibration.hot_pixels.reverse();
     assert!(matches!(
-        decode::samples(&capture, &calibration, &Options::default(), &Silent),
+        decode::sample_views(&capture, &calibration, &Options::default(), &Silent),
         Err(Error::Calibration(_))
     ));
 }
@@ -341,7 +341,7 @@ fn threads_do_not_matter_and_neither_does_a_shift_of_everything() {
 #[test]
 fn bad_input_is_told_by_whose_fault_it_is() {
     let (capture, calibration) = planted(Cfa::Bggr, 0.0, 0.9, |_, _, _| 0.5);
-    let run = |c: &Capture, k: &Calibration, o: &Options| decode::samples(c, k, o, &Silent).map(|_| ());
+    let run = |c: &Capture, k: &Calibration, o: &Options| decode::sample_views(c, k, o, &Silent).map(|_| ());
     let good = Options::default();
     let mut k = calibration.clone();
     k.width += 1;

@@ -256,7 +256,7 @@ pub fn disparity_at(
     let (x0, x1) = (cx.saturating_sub(margin), (cx + margin + 1).min(width));
     let (y0, y1) = (cy.saturating_sub(margin), (cy + margin + 1).min(height));
     let part = data.slice(s![.., .., y0..y1, x0..x1, ..]);
-    let found = disparity::estimate(&part, options, observer)?;
+    let found = disparity::estimate_disparity(&part, options, observer)?;
     // The disparity of the best pixel close by: confidence times a Gaussian of the distance (4 pixels).
     let (px, py) = (x - x0 as f32, y - y0 as f32);
     let mut best = (f32::NEG_INFINITY, 0f32);

@@ -133,7 +133,7 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
     let scene = draw(&camera, disparity, options.seed)?;
     let simulation = simulate::render_capture(&scene, &camera, &options, &Silent)?;
     let calibration = calibration::calibrate(&simulation.whites, &calibration::CalibrationOptions::default(), &Silent)?;
-    let samples = decode::samples(&simulation.capture, &calibration, &decode::Options::default(), &Silent)?;
+    let samples = decode::sample_views(&simulation.capture, &calibration, &decode::Options::default(), &Silent)?;
 
     let mut views = vec![(VIEWS / 2, VIEWS / 2)];
     while views.len() < TAKEN.min(count) {

@@ -27,7 +27,7 @@ pub struct Method {
 #[derive(Debug, Clone, Default)]
 pub struct Learned {
     /// The dictionary; by default the one inside the program for views of the interpolation
-    /// ([`reconstruct::embedded_for`]).
+    /// ([`reconstruct::embedded_dictionary_for`]).
     pub dictionary: Option<Arc<Dictionary>>,
     /// Mode, footprint, λ and further options.
     pub options: reconstruct::Options,

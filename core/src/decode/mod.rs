@@ -26,7 +26,7 @@ mod white_balance;
 
 pub use error::Error;
 pub use options::{Options, WhiteBalance};
-pub use pipeline::samples;
+pub use pipeline::sample_views;
 pub use samples::HexSamples;
 pub use samples_file::{SAMPLES_FILE, find_samples_file};
 pub use steps::{Demosaic, RawStep, Steps, ViewStep, steps_for};

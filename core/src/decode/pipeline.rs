@@ -19,7 +19,7 @@ use crate::progress::{Observer, Silent};
 ///
 /// # Errors
 /// A calibration of another camera, inconsistent inputs, options out of range, interruption.
-pub fn samples(
+pub fn sample_views(
     capture: &Capture,
     calibration: &Calibration,
     options: &Options,
@@ -59,7 +59,7 @@ impl HexSamples {
     /// progress.
     ///
     /// # Errors
-    /// As [`samples`].
+    /// As [`sample_views`].
     ///
     /// An evenly lit grey surface comes out grey in all views:
     /// ```
@@ -92,7 +92,7 @@ impl HexSamples {
     /// ```
     pub fn decode(capture: &Capture, calibration: &Calibration) -> Result<HexSamples, Error> {
         let options = Options { steps: steps_for(capture), ..Options::default() };
-        samples(capture, calibration, &options, &Silent)
+        sample_views(capture, calibration, &options, &Silent)
     }
 }
 
@@ -100,7 +100,7 @@ impl Capture {
     /// Decodes to hexagonal samples of 7×7 views with the default steps: see [`HexSamples::decode`].
     ///
     /// # Errors
-    /// As [`samples`]: a calibration of another camera, a mosaic that does not fit.
+    /// As [`sample_views`]: a calibration of another camera, a mosaic that does not fit.
     pub fn decode(&self, calibration: &Calibration) -> Result<HexSamples, Error> {
         HexSamples::decode(self, calibration)
     }

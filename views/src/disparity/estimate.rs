@@ -27,7 +27,11 @@ pub struct Disparity {
 /// # Errors
 /// [`Error::Shape`] when there are fewer than two views or no pixels, [`Error::Parameter`] for options out of range,
 /// [`Error::Interrupted`] once the observer cancels.
-pub fn estimate(data: &ArrayView5<f32>, options: &Options, observer: &dyn Observer) -> Result<Disparity, Error> {
+pub fn estimate_disparity(
+    data: &ArrayView5<f32>,
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Disparity, Error> {
     let (rows, columns, height, width, channels) = data.dim();
     if rows * columns < 2 || height == 0 || width == 0 {
         return Err(Error::Shape(format!("{rows}x{columns} views of {width}x{height}, {channels} channels")));
@@ -49,10 +53,10 @@ pub fn estimate(data: &ArrayView5<f32>, options: &Options, observer: &dyn Observ
     estimate_planes(grid, options, observer)
 }
 
-/// As [`estimate`], from planes `grid[v][u]` of equal size.
+/// As [`estimate_disparity`], from planes `grid[v][u]` of equal size.
 ///
 /// # Errors
-/// As [`estimate`].
+/// As [`estimate_disparity`].
 pub fn estimate_planes(
     mut grid: Vec<Vec<Plane>>,
     options: &Options,

@@ -23,6 +23,6 @@ pub use carry::{carry_plane_to_view, carry_to_view};
 pub use depth_order::DepthOrder;
 pub use error::Error;
 pub use errors::{DisparityErrors, compare_with_truth};
-pub use estimate::{Disparity, estimate, estimate_planes};
+pub use estimate::{Disparity, estimate_disparity, estimate_planes};
 pub use options::Options;
 pub use planes::luminance;

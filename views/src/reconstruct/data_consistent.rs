@@ -80,7 +80,7 @@ mod tests {
     use super::*;
     use crate::interpolate::prepare_interpolator;
     use crate::reconstruct::measurements::encoded_luminance;
-    use crate::reconstruct::{Options, embedded};
+    use crate::reconstruct::{Options, embedded_dictionary};
     use lenslet_core::colour::luminance;
     use lenslet_core::geometry::Size;
     use lenslet_core::lightfield::Linear;
@@ -124,7 +124,7 @@ mod tests {
     #[test]
     fn measured_samples_stay_true() {
         let samples = samples();
-        let dictionary = embedded().unwrap();
+        let dictionary = embedded_dictionary().unwrap();
         let reconstructor = Reconstructor::new(&dictionary, &Options::default()).unwrap();
         let target = Size { width: 200, height: 200 };
         let values = samples.values.index_axis(ndarray::Axis(0), 0);
@@ -162,7 +162,7 @@ mod tests {
     #[test]
     fn a_refined_view_is_reconstructed_with_its_own_samples() {
         let samples = samples();
-        let dictionary = crate::reconstruct::embedded_for(Interpolation::Multiview).unwrap();
+        let dictionary = crate::reconstruct::embedded_dictionary_for(Interpolation::Multiview).unwrap();
         let reconstructor = Reconstructor::new(&dictionary, &Options::default()).unwrap();
         assert_eq!(reconstructor.side_inputs(), [Interpolation::Barycentric, Interpolation::Cubic]);
         let target = Size { width: 200, height: 200 };

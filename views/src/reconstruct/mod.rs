@@ -13,7 +13,10 @@ mod reconstructor;
 mod sampling_operator;
 
 pub use data_consistent::DataConsistent;
-pub use embedded::{embedded, embedded_for, name_for, name_for_grid, named, names};
+pub use embedded::{
+    embedded_by_name, embedded_dictionary, embedded_dictionary_for, embedded_name_for, embedded_name_for_grid,
+    embedded_names,
+};
 pub use light_field::{Enlargement, reconstruct_light_field};
 pub use measurements::Measurements;
 pub use noise::Noise;

@@ -52,11 +52,12 @@ impl Plan {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reconstruct::{embedded, embedded_for};
+    use crate::reconstruct::{embedded_dictionary, embedded_dictionary_for};
 
     #[test]
     fn learned_is_the_network_on_refined_views_and_lasso_elsewhere() {
-        let (interpolated, refined) = (embedded().unwrap(), embedded_for(Interpolation::Multiview).unwrap());
+        let (interpolated, refined) =
+            (embedded_dictionary().unwrap(), embedded_dictionary_for(Interpolation::Multiview).unwrap());
         let plan = |mode, model| Plan::new(model, &Options { mode, ..Options::default() });
         assert_eq!(plan(Mode::Learned, &interpolated.models[0]).predictor, PatchPredictor::Lasso);
         assert_eq!(plan(Mode::Learned, &refined.models[0]).predictor, PatchPredictor::Network);

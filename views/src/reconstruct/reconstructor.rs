@@ -14,10 +14,10 @@ use super::plan::Plan;
 ///
 /// ```
 /// use lenslet_core::lightfield::{Srgb, View};
-/// use lenslet_views::reconstruct::{Options, Reconstructor, embedded};
+/// use lenslet_views::reconstruct::{Options, Reconstructor, embedded_dictionary};
 /// use ndarray::Array3;
 ///
-/// let reconstructor = Reconstructor::new(&embedded()?, &Options::default())?;
+/// let reconstructor = Reconstructor::new(&embedded_dictionary()?, &Options::default())?;
 /// let flat = View::<Srgb>::new(Array3::from_elem((24, 32, 3), 0.5));
 /// let sharp = reconstructor.reconstruct_view(&flat)?;
 /// // There is nothing to sharpen.

@@ -12,7 +12,7 @@ use super::interpolated_views::InterpolatedViews;
 use super::learned_views::LearnedViews;
 use crate::Error;
 use crate::method::Method;
-use crate::reconstruct::{Plan, embedded_for};
+use crate::reconstruct::{Plan, embedded_dictionary_for};
 use crate::target::{Sink, mean_pitch};
 
 /// Samples prepared for one [`Method`] at one size: single views, all views, or a whole light field.
@@ -69,7 +69,7 @@ impl<'a> Renderer<'a> {
                 Some(match &learned.dictionary {
                     Some(given) => LearnedViews::prepare(samples, interpolation, &size, given, options, observer)?,
                     None => {
-                        let embedded = embedded_for(interpolation)?;
+                        let embedded = embedded_dictionary_for(interpolation)?;
                         LearnedViews::prepare(samples, interpolation, &size, &embedded, options, observer)?
                     }
                 })

@@ -87,7 +87,7 @@ fn run_simulated(
     let steps = steps_to_samples(chain)?;
     rendered.enter(&format!("{} {} {}", kind.name(), run.seed, chain.noise), "");
     let (samples, kept) = rendered.decoded(&steps, || {
-        Ok(decode::samples(&capture.simulation.capture, &calibration, &decode_options(chain), observer)?)
+        Ok(decode::sample_views(&capture.simulation.capture, &calibration, &decode_options(chain), observer)?)
     })?;
     let views = render((&steps, samples), &target, chain.method, &wanted, dictionary.as_ref(), kept, observer)?;
     scored.step_seconds = views.seconds;
@@ -137,7 +137,7 @@ fn run_captured(
     options.steps.view = decode::steps_for(capture).view;
     options.steps.view.retain(|s| *s != ViewStep::Gamut);
     let (samples, kept) =
-        rendered.decoded(&steps, || Ok(decode::samples(capture, calibration, &options, observer)?))?;
+        rendered.decoded(&steps, || Ok(decode::sample_views(capture, calibration, &options, observer)?))?;
     let mut image = None;
     let score = multiview::hidden_score::<anyhow::Error>(samples, &target, HIDDEN, run.seed, wanted[0], &mut |rest| {
         let mut made = render((&steps, rest), &target, chain.method, &wanted, dictionary.as_ref(), kept, observer)?;
@@ -171,7 +171,7 @@ fn embedded_dictionary(method: Method) -> Result<Option<Dictionary>> {
         Method::LearnedMultiview => Interpolation::Multiview,
         _ => return Ok(None),
     };
-    reconstruct::embedded_for(base).map(Some).context("the embedded dictionary")
+    reconstruct::embedded_dictionary_for(base).map(Some).context("the embedded dictionary")
 }
 
 /// The dictionary of the run: trained for it, or the embedded one where its method needs one.

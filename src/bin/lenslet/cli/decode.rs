@@ -318,7 +318,7 @@ fn decode_one(
     progress.note(&format!("{}: calibration {reason}", job.capture.display()));
     let read = started.elapsed();
     let options = args.decode_options(&capture);
-    let samples = decode::samples(&capture, calibration, &options, progress)
+    let samples = decode::sample_views(&capture, calibration, &options, progress)
         .with_context(|| job.capture.display().to_string())?;
     let meta = describe_views(args, job, &capture, calibration, &samples, &options, &reason);
     drop(capture);

@@ -93,7 +93,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
 
     let calibrated = calibrate(&simulation, &made.camera, args.seed, observer)?;
     calibration::save(&root.join("camera.calib"), &calibrated.found, false)?;
-    let samples = decode::samples(&simulation.capture, &calibrated.found, &decode::Options::default(), observer)?;
+    let samples = decode::sample_views(&simulation.capture, &calibrated.found, &decode::Options::default(), observer)?;
     let mut results = reconstruct(&samples, &Size { width: size.0, height: size.1 }, observer)?;
     for result in &mut results {
         result.scores = result.views.iter().zip(&truth).map(|(a, b)| score(a, b)).collect::<anyhow::Result<_>>()?;
@@ -160,7 +160,7 @@ fn reconstruct(samples: &HexSamples, target: &Size, observer: &dyn Observer) -> 
     }
     for (name, interpolation, about) in LEARNED {
         let began = Instant::now();
-        let dictionary = reconstruct::embedded_for(interpolation)?;
+        let dictionary = reconstruct::embedded_dictionary_for(interpolation)?;
         let options = reconstruct::Options::default();
         let prepared = LearnedViews::prepare(samples, interpolation, target, &dictionary, &options, observer)?;
         observer.begin(name, SCORED.len() as u64);

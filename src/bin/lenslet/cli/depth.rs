@@ -77,7 +77,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     context.progress.check()?;
     let options = disparity::Options { range, specks: args.specks, ..disparity::Options::shown() };
     let start = std::time::Instant::now();
-    let found = disparity::estimate(&field.data.view(), &options, &context.progress)?;
+    let found = disparity::estimate_disparity(&field.data.view(), &options, &context.progress)?;
     let seconds = start.elapsed().as_secs_f64();
     let order = depth_order_of(&field.data.view(), &found.disparity)?;
 

@@ -47,13 +47,13 @@ named MODEL.PREDICTOR.MATRIX, as point.lasso.low_atoms."
 }
 
 /// A dictionary by name or file. A file that exists is taken before a name; those of
-/// [`reconstruct::names`] are inside the program; another name without folders is
+/// [`reconstruct::embedded_names`] are inside the program; another name without folders is
 /// also looked for as NAME.lfd and NAME.safetensors in `dictionaries/` here and beside the program.
 pub fn find(name: &Path) -> anyhow::Result<Dictionary> {
     if name.is_file() {
         return Ok(dictionary::load(name)?);
     }
-    if let Some(found) = name.to_str().and_then(reconstruct::named) {
+    if let Some(found) = name.to_str().and_then(reconstruct::embedded_by_name) {
         return Ok(found?);
     }
     if name.components().count() == 1 {
@@ -67,7 +67,7 @@ pub fn find(name: &Path) -> anyhow::Result<Dictionary> {
             }
         }
         if name.extension().is_none() {
-            let known: Vec<&str> = reconstruct::names().collect();
+            let known: Vec<&str> = reconstruct::embedded_names().collect();
             anyhow::bail!(
                 "there is no dictionary {}: give a file, one of {}, or a name in dictionaries/",
                 name.display(),
@@ -81,7 +81,7 @@ pub fn find(name: &Path) -> anyhow::Result<Dictionary> {
 /// The dictionary inside the program for rectangular grids enlarged by `scale` (3 when it is not said), where there is
 /// one.
 pub fn for_grid(scale: Option<f64>) -> Option<&'static Path> {
-    reconstruct::name_for_grid(scale.unwrap_or(3.0)).map(Path::new)
+    reconstruct::embedded_name_for_grid(scale.unwrap_or(3.0)).map(Path::new)
 }
 
 /// A dictionary as `dict show` and `info` print it: JSON and text.

@@ -128,7 +128,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
 /// The embedded dictionary for views made as the description has it.
 fn embedded_name(meta: &Meta) -> &'static str {
     let refined = meta.method == Some(Interpolation::Multiview.into());
-    reconstruct::name_for(if refined { Interpolation::Multiview } else { Interpolation::Barycentric })
+    reconstruct::embedded_name_for(if refined { Interpolation::Multiview } else { Interpolation::Barycentric })
 }
 
 /// The samples that decode left with the light field.

@@ -154,7 +154,9 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let (list, map): (Vec<f32>, Option<Array2<f32>>) = match focus {
         Focus::Disparities(list) => (list, None),
         Focus::Point(x, y) => (vec![refocus::disparity_at(&data, (x, y), &options, &context.progress)?], None),
-        Focus::Everything => (vec![], Some(disparity::estimate(&data, &options, &context.progress)?.disparity)),
+        Focus::Everything => {
+            (vec![], Some(disparity::estimate_disparity(&data, &options, &context.progress)?.disparity))
+        }
     };
     let show = |image: Array3<f32>| {
         let image = match args.side {

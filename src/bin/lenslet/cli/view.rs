@@ -72,7 +72,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
             let longer = field.meta.size[0].max(field.meta.size[1]).max(1);
             side = side.min(longer);
             let options = disparity::Options::shown();
-            let found = disparity::estimate(&field.data.view(), &options, &context.progress)?;
+            let found = disparity::estimate_disparity(&field.data.view(), &options, &context.progress)?;
             let order = depth_order_of(&field.data.view(), &found.disparity)?;
             relief = Some((found.disparity, order));
         }

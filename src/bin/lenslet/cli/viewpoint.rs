@@ -77,7 +77,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         .into());
     }
     let options = disparity::Options::shown();
-    let found = disparity::estimate(&field.data.view(), &options, &context.progress)?;
+    let found = disparity::estimate_disparity(&field.data.view(), &options, &context.progress)?;
     let order = depth_order_of(&field.data.view(), &found.disparity)?;
     let hold = args.hold.unwrap_or_else(|| {
         let mut list: Vec<f32> = found.disparity.iter().copied().collect();

@@ -53,7 +53,7 @@ pub(super) fn write(
         .prepare()?
         .render_all(&mut |v, u, view: View| field.put(v, u, view.pixels()))?;
     let data = field.data.view();
-    let found = disparity::estimate(&data, &disparity::Options::shown(), observer)?;
+    let found = disparity::estimate_disparity(&data, &disparity::Options::shown(), observer)?;
     let order = multiview::depth_order_of(&data, &found.disparity)?;
     let content = ViewerContent {
         title: "A simulated light field to play with".to_owned(),
