@@ -239,7 +239,7 @@ fn check(data: &ArrayView5<f32>, aperture: &ArrayView2<f32>) -> Result<(), Error
 /// The disparity of what lies at pixel (`x`, `y`) of the middle view, from the surroundings of that pixel alone.
 ///
 /// # Errors
-/// [`Error::Parameter`] for a point outside of the views, [`Error::Disparity`] as [`disparity::estimate`] has it.
+/// [`Error::Parameter`] for a point outside of the views, [`Error::Disparity`] as [`disparity::estimate_disparity`] has it.
 pub fn disparity_at(
     data: &ArrayView5<f32>,
     (x, y): (f32, f32),
