@@ -14,13 +14,14 @@
 //! The mean of the patch comes from the low image, since the residual high − low is what is learned.
 //!
 //! # Adding a predictor
-//! A [`PatchPredictor`] touches four files:
+//! A [`PatchPredictor`] touches five files:
 //!
-//! 1. `predict/NAME.rs` implements the trait; `predict/mod.rs` has one line for it;
-//! 2. `model.rs` has the enum's variant, and its matrices in [`PatchModel`]; `validate.rs` checks their shapes;
-//! 3. `file/matrices.rs` lists the matrices and numbers for the files: `.safetensors` needs no more, while an `.lfd`
+//! 1. `predict/NAME.rs` implements the trait and checks the shapes of its matrices;
+//! 2. `predict/mod.rs` has a row for it;
+//! 3. `model.rs` has the enum's variant, and its matrices in [`PatchModel`];
+//! 4. `file/matrices.rs` lists the matrices and numbers for the files: `.safetensors` needs no more, while an `.lfd`
 //!    needs a section in `file/lfd_header.rs` and a new version;
-//! 4. the trainer fits it.
+//! 5. the trainer fits it.
 //!
 //! # Example
 //! ```

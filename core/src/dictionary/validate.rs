@@ -4,8 +4,8 @@ use ndarray::Array2;
 
 use super::error::Error;
 use super::limits;
-use super::model::{Dictionary, Network, PatchModel};
-use crate::interpolation::Interpolation;
+use super::model::{Dictionary, PatchModel};
+use super::predict::check_predictors;
 
 /// Checks that a dictionary's shapes fit each other and [`limits`], its numbers are finite and its atoms have unit norm
 /// (to 1e-3). Every dictionary that is read or written is checked.
@@ -57,69 +57,16 @@ fn check_patch_model(parts: &PatchModel) -> Result<(), Error> {
     if !unit(&parts.low) {
         return wrong("an atom of Dl does not have unit norm".into());
     }
-    if let Some(a) = &parts.anchored {
-        let n = a.anchors.nrows();
-        if n == 0 || n > limits::ATOMS || a.anchors.ncols() != m || a.maps.dim() != (n, m, p2) {
-            return wrong(format!("anchors have shapes {:?} and {:?}", a.anchors.dim(), a.maps.dim()));
-        }
-        if !unit(&a.anchors) || !finite(&a.anchors) || !a.maps.iter().all(|v| v.is_finite()) {
-            return wrong("an anchor is not a finite unit vector, or a map is not finite".into());
-        }
-    }
-    parts.network.as_ref().map_or(Ok(()), check_network)
-}
-
-/// Checks that shapes fit and numbers are finite.
-///
-/// # Errors
-/// [`Error::Parameter`] that says what is wrong.
-pub(super) fn check_network(network: &Network) -> Result<(), Error> {
-    let wrong = |what: String| Err(Error::Parameter(format!("network: {what}")));
-    let m = network.filters.nrows();
-    if network.support > limits::SIDE || network.support.is_multiple_of(2) {
-        return wrong(format!("a window of {} pixels", network.support));
-    }
-    if m == 0 || m > limits::FEATURES || network.filters.ncols() != network.support * network.support {
-        return wrong(format!("feature filters have shape {:?}", network.filters.dim()));
-    }
-    if network.filters_per_input.len() != network.side_inputs.len() + 1
-        || network.filters_per_input.iter().sum::<usize>() != m
-    {
-        return wrong(format!(
-            "{m} filters of {} inputs in groups of {:?}",
-            network.side_inputs.len() + 1,
-            network.filters_per_input
-        ));
-    }
-    if network.side_inputs.iter().any(|b| !matches!(b, Interpolation::Barycentric | Interpolation::Cubic)) {
-        return wrong("side inputs are interpolations of the view's own samples: barycentric, cubic".into());
-    }
-    let patch = network.patch();
-    let outputs = network.layers.last().map_or(0, |l| l.bias.len());
-    if patch.is_multiple_of(2) || patch > network.support || patch * patch != outputs {
-        return wrong(format!("{outputs} outputs do not fill a square patch of odd side"));
-    }
-    let mut inputs = m + 1;
-    for layer in &network.layers {
-        let rows = layer.bias.len();
-        if layer.weights.dim() != (rows, inputs) || rows == 0 || rows > limits::ATOMS {
-            return wrong(format!("a layer of shape {:?} for {inputs} inputs", layer.weights.dim()));
-        }
-        inputs = rows;
-    }
-    let mut values = network.layers.iter().flat_map(|l| l.weights.iter().chain(&l.bias)).chain(&network.filters);
-    if !(values.all(|v| v.is_finite()) && network.floor > 0.0 && network.floor.is_finite()) {
-        return wrong("a value is not finite".into());
-    }
-    Ok(())
+    check_predictors(parts)
 }
 
 #[cfg(test)]
 pub(crate) mod tests {
-    use super::super::model::{Anchored, Footprint, Model, Storage};
+    use super::super::model::{Anchored, Footprint, Model, Network, Storage};
     use super::super::predict::network_tests::random_network;
     use super::super::recipe::{Photo, Recipe};
     use super::*;
+    use crate::interpolation::Interpolation;
     use rand::rngs::ChaCha8Rng;
     use rand::{RngExt, SeedableRng};
 
@@ -183,7 +130,9 @@ pub(crate) mod tests {
         let wrong = |change: &dyn Fn(&mut Network)| {
             let mut bad = good.clone();
             change(&mut bad);
-            check_network(&bad).unwrap_err().to_string()
+            let mut parts = small_dictionary(1).models[0].patch_model.clone();
+            parts.network = Some(bad);
+            check_predictors(&parts).unwrap_err().to_string()
         };
         assert!(wrong(&|n| n.filters_per_input[0] += 1).contains("groups"));
         assert!(wrong(&|n| n.side_inputs[0] = Interpolation::Multiview).contains("own samples"));

@@ -6,6 +6,7 @@ use ndarray::{Array2, ArrayView2, Axis};
 
 use super::super::error::Error;
 use super::super::features::{extract_features, row_norms};
+use super::super::limits;
 use super::super::model::{Anchored, Model};
 use super::predictor::PredictPatches;
 use crate::linalg::{Par, product_into_columns};
@@ -27,6 +28,24 @@ impl AnchoredRegressors {
     pub(super) fn new(model: &Arc<Model>, flat: f32) -> Self {
         AnchoredRegressors { model: Arc::clone(model), flat }
     }
+}
+
+/// Checks the shapes of a model's anchored regressors, that their anchors have unit norm (to 1e-3) and their numbers are
+/// finite; `features` and `values` are the lengths of a feature vector and of a residual patch.
+///
+/// # Errors
+/// [`Error::Parameter`] that says what is wrong.
+pub(super) fn check_anchored(a: &Anchored, features: usize, values: usize) -> Result<(), Error> {
+    let wrong = |what: String| Err(Error::Parameter(what));
+    let n = a.anchors.nrows();
+    if n == 0 || n > limits::ATOMS || a.anchors.ncols() != features || a.maps.dim() != (n, features, values) {
+        return wrong(format!("anchors have shapes {:?} and {:?}", a.anchors.dim(), a.maps.dim()));
+    }
+    let unit = a.anchors.rows().into_iter().all(|r| (r.dot(&r).sqrt() - 1.0).abs() < 1e-3);
+    if !unit || !a.maps.iter().chain(&a.anchors).all(|v| v.is_finite()) {
+        return wrong("an anchor is not a finite unit vector, or a map is not finite".into());
+    }
+    Ok(())
 }
 
 impl PredictPatches for AnchoredRegressors {

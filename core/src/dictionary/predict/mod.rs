@@ -9,7 +9,7 @@ mod ridge;
 use std::sync::Arc;
 
 use super::error::Error;
-use super::model::{Model, PatchPredictor};
+use super::model::{Model, PatchModel, PatchPredictor};
 use super::options::ReconstructionOptions;
 
 pub use anchored::nearest_anchors;
@@ -30,6 +30,17 @@ pub(super) fn prepare(model: &Arc<Model>, options: &ReconstructionOptions) -> Re
         PatchPredictor::Ridge => Arc::new(ridge::RidgeRegressor::new(model)),
         _ => Arc::new(lasso::LassoCodes::new(model, options)?),
     })
+}
+
+/// Checks what a model holds for predictors of its own: shapes and finite numbers.
+///
+/// # Errors
+/// [`Error::Parameter`] that says what is wrong.
+pub(super) fn check_predictors(parts: &PatchModel) -> Result<(), Error> {
+    if let Some(anchored) = &parts.anchored {
+        anchored::check_anchored(anchored, parts.filters.nrows(), parts.patch * parts.patch)?;
+    }
+    parts.network.as_ref().map_or(Ok(()), network::check_network)
 }
 
 /// The predictor for calls that lack side inputs, where `first` has any.

@@ -8,6 +8,7 @@ use ndarray::{Array2, s};
 
 use super::super::error::Error;
 use super::super::features::{extract_features, row_norms};
+use super::super::limits;
 use super::super::model::{Layer, Model, Network};
 use super::predictor::PredictPatches;
 use crate::interpolation::Interpolation;
@@ -33,6 +34,51 @@ impl PatchNetwork {
             patch: network.map_or(1, Network::patch),
         }
     }
+}
+
+/// Checks the shapes of a network and that its numbers are finite.
+///
+/// # Errors
+/// [`Error::Parameter`] that says what is wrong.
+pub(in super::super) fn check_network(network: &Network) -> Result<(), Error> {
+    let wrong = |what: String| Err(Error::Parameter(format!("network: {what}")));
+    let m = network.filters.nrows();
+    if network.support > limits::SIDE || network.support.is_multiple_of(2) {
+        return wrong(format!("a window of {} pixels", network.support));
+    }
+    if m == 0 || m > limits::FEATURES || network.filters.ncols() != network.support * network.support {
+        return wrong(format!("feature filters have shape {:?}", network.filters.dim()));
+    }
+    if network.filters_per_input.len() != network.side_inputs.len() + 1
+        || network.filters_per_input.iter().sum::<usize>() != m
+    {
+        return wrong(format!(
+            "{m} filters of {} inputs in groups of {:?}",
+            network.side_inputs.len() + 1,
+            network.filters_per_input
+        ));
+    }
+    if network.side_inputs.iter().any(|b| !matches!(b, Interpolation::Barycentric | Interpolation::Cubic)) {
+        return wrong("side inputs are interpolations of the view's own samples: barycentric, cubic".into());
+    }
+    let patch = network.patch();
+    let outputs = network.layers.last().map_or(0, |l| l.bias.len());
+    if patch.is_multiple_of(2) || patch > network.support || patch * patch != outputs {
+        return wrong(format!("{outputs} outputs do not fill a square patch of odd side"));
+    }
+    let mut inputs = m + 1;
+    for layer in &network.layers {
+        let rows = layer.bias.len();
+        if layer.weights.dim() != (rows, inputs) || rows == 0 || rows > limits::ATOMS {
+            return wrong(format!("a layer of shape {:?} for {inputs} inputs", layer.weights.dim()));
+        }
+        inputs = rows;
+    }
+    let mut values = network.layers.iter().flat_map(|l| l.weights.iter().chain(&l.bias)).chain(&network.filters);
+    if !(values.all(|v| v.is_finite()) && network.floor > 0.0 && network.floor.is_finite()) {
+        return wrong("a value is not finite".into());
+    }
+    Ok(())
 }
 
 impl PredictPatches for PatchNetwork {
@@ -133,7 +179,6 @@ impl Layer {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::super::super::features::pad_mirrored;
-    use super::super::super::validate::check_network;
     use super::*;
     use rand::rngs::ChaCha8Rng;
     use rand::{RngExt, SeedableRng};
