@@ -1,51 +1,10 @@
-//! Edge-preserving regularisation of a cost volume: the guided filter (He et al. 2010) gathers cost over pixels of like
-//! brightness, semi-global matching (Hirschmüller 2008) then minimises Σ C(x, d) + P1·[|Δd| = 1] + P2·[|Δd| > 1] along
-//! eight paths.
+//! Edge-preserving regularisation of a cost volume: semi-global matching (Hirschmüller 2008) minimises
+//! Σ C(x, d) + P1·[|Δd| = 1] + P2·[|Δd| > 1] along eight paths; a weighted median removes outliers.
 
-use lenslet_core::image::{Plane, box_mean};
+use lenslet_core::image::Plane;
 use rayon::prelude::*;
 
 use super::sweep::Volume;
-
-/// The guide's own statistics, computed once for all planes.
-pub struct Guide<'a> {
-    plane: &'a Plane,
-    radius: usize,
-    mean: Vec<f32>,
-    inverse: Vec<f32>,
-}
-
-impl<'a> Guide<'a> {
-    /// Prepares filtering with boxes of `radius`, smoothing where the variance of `plane` is below `epsilon`.
-    pub fn new(plane: &'a Plane, radius: usize, epsilon: f32) -> Self {
-        let (w, h) = (plane.width, plane.height);
-        let (mut mean, mut square) = (Vec::new(), Vec::new());
-        box_mean(&plane.data, w, h, radius, &mut mean);
-        let squares: Vec<f32> = plane.data.iter().map(|v| v * v).collect();
-        box_mean(&squares, w, h, radius, &mut square);
-        let inverse = square.iter().zip(&mean).map(|(q, m)| 1.0 / ((q - m * m).max(0.0) + epsilon)).collect();
-        Guide { plane, radius, mean, inverse }
-    }
-
-    /// Filters `values` in place.
-    pub fn filter(&self, values: &mut [f32]) {
-        let (w, h, r) = (self.plane.width, self.plane.height, self.radius);
-        let (mut mean, mut cross) = (Vec::new(), Vec::new());
-        box_mean(values, w, h, r, &mut mean);
-        let product: Vec<f32> = values.iter().zip(&self.plane.data).map(|(a, b)| a * b).collect();
-        box_mean(&product, w, h, r, &mut cross);
-        let (mut slope, mut offset) = (product, Vec::with_capacity(w * h));
-        for k in 0..w * h {
-            slope[k] = (cross[k] - mean[k] * self.mean[k]) * self.inverse[k];
-            offset.push(mean[k] - slope[k] * self.mean[k]);
-        }
-        box_mean(&slope, w, h, r, &mut mean);
-        box_mean(&offset, w, h, r, &mut cross);
-        for (k, v) in values.iter_mut().enumerate() {
-            *v = mean[k] * self.plane.data[k] + cross[k];
-        }
-    }
-}
 
 /// Penalties of semi-global matching, in the unit of the costs.
 #[derive(Debug, Clone, Copy)]

@@ -1,12 +1,12 @@
 //! Matching costs of all hypotheses at every pixel, gathered along edges.
 
-use lenslet_core::image::Plane;
+use lenslet_core::image::{BoxMeans, GuidedFilter, Plane};
 use lenslet_core::progress::Observer;
 use rayon::prelude::*;
 
 use super::error::Error;
 use super::options::Options;
-use super::{regularise, sweep};
+use super::sweep;
 
 fn placed(grid: &[Vec<Plane>], at: (usize, usize)) -> Vec<sweep::Placed<'_>> {
     let mut out = Vec::new();
@@ -44,7 +44,8 @@ pub(super) fn cost_volume(
     let reference = &grid[at.0][at.1];
     let views = placed(grid, at);
     let robust = sweep::Robust { truncation: options.truncation, half_penalty: 0.5 };
-    let guide = regularise::Guide::new(reference, radius, 1e-4);
+    let guide =
+        GuidedFilter::new(&reference.data, reference.width, reference.height, radius, 1e-4, BoxMeans::OneThread);
     let planes = hypotheses
         .par_iter()
         .map(|&d| {

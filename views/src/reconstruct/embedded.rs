@@ -10,7 +10,7 @@ include!(concat!(env!("OUT_DIR"), "/embedded_index.rs"));
 /// The names of [`embedded_by_name`], the default first.
 ///
 /// ```
-/// use lenslet_views::reconstruct::names;
+/// use lenslet_views::reconstruct::embedded_names;
 ///
 /// assert_eq!(embedded_names().next(), Some("default"));
 /// assert!(embedded_names().any(|name| name == "multiview"));

@@ -2,7 +2,7 @@
 //! filter (He, Sun, Tang 2013), and the remainder is kept as far as it exceeds noise (local Wiener filter).
 
 use lenslet_core::colour::LUMINANCE;
-use lenslet_core::image::box_mean_in_bands;
+use lenslet_core::image::{BoxMeans, GuidedFilter, box_mean_in_bands};
 use ndarray::{Array2, Array3, Axis};
 use rayon::prelude::*;
 
@@ -66,23 +66,18 @@ fn clamped(v: f32) -> f32 {
 /// Two colour differences, guided by the luminance.
 fn smooth(guide: &Array2<f32>, differences: [Array2<f32>; 2], radius: usize) -> [Array2<f32>; 2] {
     let finite = |v: f32| if v.is_finite() { v } else { 0.0 };
-    let guide = guide.mapv(finite);
-    let mean = box_mean_in_bands(guide.clone(), radius);
-    let mut variance = box_mean_in_bands(&guide * &guide, radius);
-    variance.zip_mut_with(&mean, |v, m| *v = (*v - m * m).max(0.0));
+    let guide = guide.as_standard_layout().mapv(finite);
+    let (h, w) = guide.dim();
+    let Some(luminance) = guide.as_slice() else { return differences };
+    let filter = GuidedFilter::new(luminance, w, h, radius, EPSILON, BoxMeans::AllThreads);
     let followed: Vec<(Array2<f32>, Array2<f32>)> = differences
         .into_par_iter()
         .map(|difference| {
-            let difference = difference.mapv(finite);
-            let level = box_mean_in_bands(difference.clone(), radius);
-            let mut slope = box_mean_in_bands(&guide * &difference, radius);
-            ndarray::Zip::from(&mut slope).and(&mean).and(&level).and(&variance).for_each(|s, m, l, v| {
-                *s = (*s - m * l) / (v + EPSILON);
-            });
-            let mut offset = level;
-            ndarray::Zip::from(&mut offset).and(&slope).and(&mean).for_each(|o, s, m| *o -= s * m);
-            let (slope, mut guided) = (box_mean_in_bands(slope, radius), box_mean_in_bands(offset, radius));
-            ndarray::Zip::from(&mut guided).and(&slope).and(&guide).for_each(|g, s, i| *g += s * i);
+            let difference = difference.as_standard_layout().mapv(finite);
+            let mut guided = difference.clone();
+            if let Some(values) = guided.as_slice_mut() {
+                filter.filter(values);
+            }
             let left = difference - &guided;
             (guided, left)
         })
