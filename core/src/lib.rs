@@ -17,6 +17,7 @@ pub mod interpolation;
 pub mod lightfield;
 pub mod linalg;
 pub mod metrics;
+pub mod noise;
 pub mod output;
 pub mod pfm;
 pub mod progress;

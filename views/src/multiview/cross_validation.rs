@@ -6,6 +6,7 @@
 //! something in front), it is as large.
 
 use lenslet_core::image::{Cell, bilinear_by_differences};
+use lenslet_core::noise::NoiseCurve;
 
 /// Side of the cells in which squares are gathered, pixels of the target.
 ///
@@ -95,8 +96,9 @@ impl OtherViewsWeight {
 /// (`fitted`), and the light of the own samples, with which noise grows; `most` bounds the variance of the noise.
 pub(super) fn cross_validate(prior: &Cells, fitted: &Cells, light: &Cells, most: f32) -> OtherViewsWeight {
     let (before, after, light) = (prior.means(), fitted.means(), light.means());
-    let noise = Noise::estimate(&light, &after, most.clamp(NOISE[0], NOISE[1]));
-    let values = before.iter().zip(&after).zip(&light).map(|((&b, &a), &l)| weight_of(b, a, noise.at(l))).collect();
+    let noise = noise_variance(&light, &after, most.clamp(NOISE[0], NOISE[1]));
+    let values =
+        before.iter().zip(&after).zip(&light).map(|((&b, &a), &l)| weight_of(b, a, noise.noise_at(l))).collect();
     OtherViewsWeight { columns: prior.columns, rows: prior.rows, values }
 }
 
@@ -105,36 +107,22 @@ pub(super) fn cross_validate(prior: &Cells, fitted: &Cells, light: &Cells, most:
 /// Source: chosen.
 const GROUPS: usize = 12;
 
-/// Variance of noise as a function of light.
-struct Noise {
-    /// (light, variance), by light.
-    knots: Vec<(f32, f32)>,
-}
-
-impl Noise {
-    /// Most of a picture is flat: among cells of like light, a low quantile of the fit's residual is noise.
-    fn estimate(light: &[f32], after: &[f32], most: f32) -> Noise {
-        let both = light.iter().zip(after).map(|(&l, &a)| (l, a));
-        let mut cells: Vec<(f32, f32)> = both.filter(|(l, a)| l.is_finite() && a.is_finite()).collect();
-        cells.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        let size = cells.len().div_ceil(GROUPS).max(1);
-        let knots = cells.chunks_mut(size).map(|group| {
-            let middle = group[group.len() / 2].0;
-            group.sort_unstable_by(|a, b| a.1.total_cmp(&b.1));
-            (middle, group[group.len() / 4].1.clamp(NOISE[0], most))
-        });
-        Noise { knots: knots.collect() }
+/// Variance of the noise over light. Most of a picture is flat: among cells of like light, a low quantile of the fit's
+/// residual is noise.
+fn noise_variance(light: &[f32], after: &[f32], most: f32) -> NoiseCurve {
+    let both = light.iter().zip(after).map(|(&l, &a)| (l, a));
+    let mut cells: Vec<(f32, f32)> = both.filter(|(l, a)| l.is_finite() && a.is_finite()).collect();
+    if cells.is_empty() {
+        return NoiseCurve::constant(NOISE[1]);
     }
-
-    /// Variance at this light: linear between the groups, the nearest beyond.
-    fn at(&self, light: f32) -> f32 {
-        let after = self.knots.partition_point(|k| k.0 <= light);
-        match (after.checked_sub(1).and_then(|k| self.knots.get(k)), self.knots.get(after)) {
-            (Some(a), Some(b)) => a.1 + (b.1 - a.1) * (light - a.0) / (b.0 - a.0),
-            (Some(k), None) | (None, Some(k)) => k.1,
-            (None, None) => NOISE[1],
-        }
-    }
+    cells.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let size = cells.len().div_ceil(GROUPS).max(1);
+    let knots = cells.chunks_mut(size).map(|group| {
+        let middle = group[group.len() / 2].0;
+        group.sort_unstable_by(|a, b| a.1.total_cmp(&b.1));
+        (middle, group[group.len() / 4].1.clamp(NOISE[0], most))
+    });
+    NoiseCurve::new(knots.collect())
 }
 
 /// 1 where the residual of the fit is noise alone, or a small part of the prior's beyond noise; 0 where either is
@@ -170,13 +158,13 @@ mod tests {
         let light: Vec<f32> = (0..1000).map(|k| k as f32 / 1000.0).collect();
         let after: Vec<f32> =
             light.iter().enumerate().map(|(k, l)| if k % 2 == 0 { 1e-3 * l + 1e-4 } else { 0.05 }).collect();
-        let noise = Noise::estimate(&light, &after, NOISE[1]);
+        let noise = noise_variance(&light, &after, NOISE[1]);
         for l in [0.1, 0.5, 0.9] {
-            assert!((noise.at(l) / (1e-3 * l + 1e-4) - 1.0).abs() < 0.2, "{} at {l}", noise.at(l));
+            assert!((noise.noise_at(l) / (1e-3 * l + 1e-4) - 1.0).abs() < 0.2, "{} at {l}", noise.noise_at(l));
         }
-        assert!(noise.at(-1.0) <= noise.at(0.5) && noise.at(2.0) >= noise.at(0.5));
-        assert!(Noise::estimate(&light, &after, 3e-4).at(0.9) <= 3e-4);
-        assert_eq!(Noise::estimate(&[], &[], NOISE[1]).at(0.5), NOISE[1]);
+        assert!(noise.noise_at(-1.0) <= noise.noise_at(0.5) && noise.noise_at(2.0) >= noise.noise_at(0.5));
+        assert!(noise_variance(&light, &after, 3e-4).noise_at(0.9) <= 3e-4);
+        assert_eq!(noise_variance(&[], &[], NOISE[1]).noise_at(0.5), NOISE[1]);
     }
 
     #[test]

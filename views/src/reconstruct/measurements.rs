@@ -5,10 +5,11 @@ use lenslet_core::decode::HexSamples;
 use lenslet_core::dictionary::Footprint;
 use lenslet_core::geometry::SensorToView;
 use lenslet_core::interpolation::Interpolation;
+use lenslet_core::noise::NoiseCurve;
 use lenslet_core::sampling::Cubic;
 use ndarray::{Array2, ArrayView2, Axis};
 
-use super::noise::{Neighbours, Noise};
+use super::noise::{Neighbours, estimate_noise};
 use super::sampling_operator::{SamplingOperator, back_project};
 use crate::Error;
 use crate::error::ensure_shape;
@@ -66,14 +67,14 @@ impl Measurements {
     ///
     /// # Errors
     /// Another number of channels.
-    pub fn noise(&self, values: ArrayView2<'_, f32>) -> Result<Noise, Error> {
+    pub fn noise(&self, values: ArrayView2<'_, f32>) -> Result<NoiseCurve, Error> {
         if let Some(sigma) = self.given {
-            return Ok(Noise::constant(sigma));
+            return Ok(NoiseCurve::constant(if sigma.is_finite() { sigma.max(0.0) } else { 0.0 }));
         }
         let encode = |v: f32| srgb_encode(v.clamp(0.0, 1.0));
         let colours: Option<Vec<f32>> =
             (values.ncols() == 3).then(|| values.rows().into_iter().map(|v| encode(v[0]) - encode(v[1])).collect());
-        Ok(Noise::estimate(&encoded_luminance(values)?, colours.as_deref(), &self.neighbours))
+        Ok(estimate_noise(&encoded_luminance(values)?, colours.as_deref(), &self.neighbours))
     }
 
     /// Moves a view's luminance (t, s), sRGB-encoded, towards its samples: differences within the noise are left. Views
@@ -90,7 +91,7 @@ impl Measurements {
         let samples = encoded_luminance(values)?;
         let noise = self.noise(values)?;
         let (part, least) = if refined { REFINED } else { (OWN, 0.0) };
-        let left: Vec<f32> = samples.iter().map(|&s| part * noise.at(s) + least).collect();
+        let left: Vec<f32> = samples.iter().map(|&s| part * noise.noise_at(s) + least).collect();
         Ok(back_project(plane, &self.operator, ndarray::aview1(&samples), ROUNDS, &left)?.0)
     }
 

@@ -19,7 +19,6 @@ pub use embedded::{
 };
 pub use light_field::{Enlargement, reconstruct_light_field};
 pub use measurements::Measurements;
-pub use noise::Noise;
 pub use options::{Mode, Options};
 pub use plan::Plan;
 pub use reconstructor::Reconstructor;

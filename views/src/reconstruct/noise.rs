@@ -9,6 +9,7 @@
 //! of these come from places with nothing but noise.
 
 use lenslet_core::geometry::triangulate;
+use lenslet_core::noise::NoiseCurve;
 use lenslet_core::sampling;
 
 /// Steps of brightness.
@@ -62,49 +63,27 @@ impl Neighbours {
     }
 }
 
-/// Standard deviation of the samples' noise as a function of their brightness (both sRGB-encoded luminance).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Noise {
-    curve: [f32; BINS],
-}
-
-impl Noise {
-    /// The same at every brightness.
-    #[must_use]
-    pub fn constant(sigma: f32) -> Noise {
-        Noise { curve: [if sigma.is_finite() { sigma.max(0.0) } else { 0.0 }; BINS] }
+/// Standard deviation of the samples' noise over their brightness (both sRGB-encoded luminance), from the luminance of
+/// the samples of one view and, where they have colours, from their red − green.
+pub(super) fn estimate_noise(values: &[f32], colours: Option<&[f32]>, neighbours: &Neighbours) -> NoiseCurve {
+    let fits = |values: &[f32]| values.len() == neighbours.samples;
+    if !fits(values) || !colours.is_none_or(fits) {
+        return NoiseCurve::constant(0.0);
     }
-
-    /// From the luminance of the samples of one view and, where they have colours, from their red − green.
-    pub(super) fn estimate(values: &[f32], colours: Option<&[f32]>, neighbours: &Neighbours) -> Noise {
-        let fits = |values: &[f32]| values.len() == neighbours.samples;
-        if !fits(values) || !colours.is_none_or(fits) {
-            return Noise::constant(0.0);
+    let brightness = neighbours.means(values);
+    let mut noise = noise_by_brightness(values, &brightness, neighbours);
+    if let Some(colours) = colours {
+        let found = noise_by_brightness(colours, &brightness, neighbours);
+        for (own, other) in noise.iter_mut().zip(found) {
+            *own = own.min(OF_COLOURS * other);
         }
-        let brightness = neighbours.means(values);
-        let mut noise = Noise { curve: curve(values, &brightness, neighbours) };
-        if let Some(colours) = colours {
-            let found = curve(colours, &brightness, neighbours);
-            for (own, other) in noise.curve.iter_mut().zip(found) {
-                *own = own.min(OF_COLOURS * other);
-            }
-        }
-        noise
     }
-
-    /// At a brightness; linear between the middles of the steps.
-    #[must_use]
-    pub fn at(&self, brightness: f32) -> f32 {
-        let x = if brightness.is_finite() { brightness.clamp(0.0, 1.0) } else { 0.0 };
-        let x = (x * BINS as f32 - 0.5).clamp(0.0, (BINS - 1) as f32);
-        let k = (x as usize).min(BINS - 2);
-        let f = x - k as f32;
-        self.curve[k] + f * (self.curve[k + 1] - self.curve[k])
-    }
+    // A bin's noise is that of its middle.
+    NoiseCurve::new(noise.into_iter().enumerate().map(|(k, n)| ((k as f32 + 0.5) / BINS as f32, n)).collect())
 }
 
 /// Standard deviation of the noise in `values` at each step of the brightness around them.
-fn curve(values: &[f32], brightness: &[(f32, f32)], neighbours: &Neighbours) -> [f32; BINS] {
+fn noise_by_brightness(values: &[f32], brightness: &[(f32, f32)], neighbours: &Neighbours) -> [f32; BINS] {
     let squares: Vec<f32> = values
         .iter()
         .zip(neighbours.means(values))
@@ -157,9 +136,9 @@ mod tests {
                     level + texture + sigma * normal()
                 })
                 .collect();
-            let noise = Noise::estimate(&values, None, &neighbours);
+            let noise = estimate_noise(&values, None, &neighbours);
             for (level, sigma) in [(0.15, dark), (0.7, bright)] {
-                let found = noise.at(level) / sigma;
+                let found = noise.noise_at(level) / sigma;
                 assert!((0.75..1.35).contains(&found), "{level}: {found} of {sigma}");
             }
         }
@@ -175,20 +154,21 @@ mod tests {
         let texture = |c: &[f64; 2]| 0.4 + 0.1 * ((2.1 * c[0]).sin() * (1.7 * c[1]).cos()) as f32;
         let values: Vec<f32> = centres.iter().map(|c| texture(c) + noise(0.01)).collect();
         let colours: Vec<f32> = centres.iter().map(|_| noise(0.01 / OF_COLOURS)).collect();
-        let misled = Noise::estimate(&values, None, &neighbours).at(0.4);
-        let found = Noise::estimate(&values, Some(&colours), &neighbours).at(0.4);
+        let misled = estimate_noise(&values, None, &neighbours).noise_at(0.4);
+        let found = estimate_noise(&values, Some(&colours), &neighbours).noise_at(0.4);
         assert!(misled > 0.02 && (0.007..0.014).contains(&found), "{misled} and {found}");
         // Colours without noise: none at all.
-        assert_eq!(Noise::estimate(&values, Some(&vec![0.1; values.len()]), &neighbours).at(0.4), 0.0);
+        assert_eq!(estimate_noise(&values, Some(&vec![0.1; values.len()]), &neighbours).noise_at(0.4), 0.0);
     }
 
     #[test]
     fn odd_samples_give_no_noise() {
         let centres = lattice(20);
         let neighbours = Neighbours::new(&centres).unwrap();
-        assert_eq!(Noise::estimate(&[0.5; 400], None, &neighbours), Noise::constant(0.0));
-        assert_eq!(Noise::estimate(&[f32::NAN; 400], None, &neighbours), Noise::constant(0.0));
-        assert_eq!(Noise::estimate(&[0.5; 3], None, &neighbours).at(f32::NAN), 0.0);
-        assert_eq!(Noise::constant(f32::NAN).at(0.5), 0.0);
+        for odd in [0.5, f32::NAN] {
+            let noise = estimate_noise(&[odd; 400], None, &neighbours);
+            assert!((0..=20).all(|k| noise.noise_at(k as f32 / 20.0) == 0.0));
+        }
+        assert_eq!(estimate_noise(&[0.5; 3], None, &neighbours).noise_at(f32::NAN), 0.0);
     }
 }
