@@ -6,7 +6,8 @@
 use std::path::{Path, PathBuf};
 
 use lenslet_core::calibration::{self, Calibration};
-use lenslet_core::dictionary::{self, Dictionary, Footprint, Interpolation, Storage};
+use lenslet_core::dictionary::{self, Dictionary, Footprint, Storage};
+use lenslet_core::interpolation::Interpolation;
 use sha2::{Digest, Sha256};
 
 fn reference(name: &str) -> PathBuf {

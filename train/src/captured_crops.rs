@@ -16,7 +16,7 @@ use lenslet_core::progress::{Observer, Silent};
 use lenslet_data_gen::pairs::Crop;
 use lenslet_data_gen::photo::PhotoSet;
 use lenslet_data_gen::simulate::{self, Camera, LensletGrid, Scene, SceneName};
-use ndarray::{Array2, Axis, s};
+use ndarray::{Array2, s};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
@@ -145,7 +145,7 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
     let truth = Measurements::new(&samples, Footprint::Point, parameters.degradation.pitch, size, None, alone)?;
     let (mut refined, mut beside) = (Vec::new(), Vec::new());
     let mut keep = |v: usize, u: usize, view: View| {
-        let values = samples.values.index_axis(Axis(0), v * VIEWS + u);
+        let values = samples.view(v, u);
         refined.push(truth.project_onto_samples(&luminance(view.encode().pixels().view()), values, true)?);
         beside.push(
             alone

@@ -51,7 +51,6 @@ mod recipe;
 mod reconstruct;
 mod validate;
 
-pub use crate::interpolation::Interpolation;
 pub use error::Error;
 pub use features::{copy_windows, extract_features, gradient_operator, learn_components, learn_filters, pad_mirrored};
 pub use file::{FORMAT_VERSION, Format, export_npy, from_bytes, load, read_kinds, save, to_bytes};

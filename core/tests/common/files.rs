@@ -11,9 +11,8 @@ use lenslet_core::calibration::{
 use lenslet_core::container::segments::Container;
 use lenslet_core::container::{CameraFacts, Capture, Cfa, ColourFacts, Levels, MlaHint, RawMosaic, write_lfp};
 use lenslet_core::decode::HexSamples;
-use lenslet_core::dictionary::{
-    Anchored, Dictionary, Footprint, Interpolation, Layer, Model, Network, PatchModel, Recipe, Storage,
-};
+use lenslet_core::dictionary::{Anchored, Dictionary, Footprint, Layer, Model, Network, PatchModel, Recipe, Storage};
+use lenslet_core::interpolation::Interpolation;
 use ndarray::{Array1, Array2, Array3};
 
 /// A capture of 16×16 pixels.

@@ -5,7 +5,7 @@ use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{ColourSpace, Meta, Srgb, View, ViewSink, ViewSource, colour};
 use lenslet_core::progress::Observer;
 use lenslet_core::sampling::bicubic;
-use ndarray::{Array3, Axis};
+use ndarray::Array3;
 
 use super::data_consistent::DataConsistent;
 use super::reconstructor::Reconstructor;
@@ -84,7 +84,7 @@ pub fn reconstruct_light_field(
             colour::convert(&mut view, meta.colour, ColourSpace::Srgb);
             let low = View::<Srgb>::new(enlargement.apply(view)?);
             let mut sharp = match &consistent {
-                Some((f, samples)) => f.reconstruct_view(&low, samples.values.index_axis(Axis(0), v * columns + u))?,
+                Some((f, samples)) => f.reconstruct_view(&low, samples.view(v, u))?,
                 None => reconstructor.reconstruct_view(&low)?,
             }
             .into_pixels();

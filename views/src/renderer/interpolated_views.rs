@@ -5,7 +5,7 @@ use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::View;
 use lenslet_core::progress::Observer;
-use ndarray::{Array3, Axis};
+use ndarray::Array3;
 
 use crate::Error;
 use crate::error::ensure_parameter;
@@ -69,9 +69,7 @@ impl<'a> InterpolatedViews<'a> {
         let n = self.samples.views;
         ensure_parameter!(v < n && u < n, "there is no view {v},{u}: there are {n}x{n} views");
         let pixels = match &self.source {
-            Source::Single(interpolator) => {
-                interpolator.interpolate_view(self.samples.values.index_axis(Axis(0), v * n + u))?
-            }
+            Source::Single(interpolator) => interpolator.interpolate_view(self.samples.view(v, u))?,
             Source::Refined(refined) => refined.render_view(v, u)?,
         };
         Ok(View::new(pixels))

@@ -11,7 +11,7 @@ use lenslet_core::decode::HexSamples;
 use lenslet_core::dictionary::Dictionary;
 use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
-use lenslet_core::lightfield::View;
+use lenslet_core::lightfield::{Srgb, View};
 use lenslet_core::progress::Observer;
 use lenslet_core::sampling::bicubic;
 
@@ -103,6 +103,6 @@ impl<'a> LearnedViews<'a> {
         }
         let mut pixels = bicubic::resize_bicubic(sharp.pixels().view(), self.target.width, self.target.height)?;
         pixels.mapv_inplace(|p| p.clamp(0.0, 1.0));
-        Ok(View::<lenslet_core::lightfield::Srgb>::new(pixels).decode())
+        Ok(View::<Srgb>::new(pixels).decode())
     }
 }

@@ -5,10 +5,10 @@ use std::sync::Arc;
 use ndarray::{Array2, ArrayView2, Axis};
 
 use super::super::error::Error;
-use super::super::features::{extract_features, row_norms};
+use super::super::features::row_norms;
 use super::super::limits;
-use super::super::model::{Anchored, Model};
-use super::predictor::PredictPatches;
+use super::super::model::{Anchored, Model, PatchModel};
+use super::predictor::{PredictPatches, low_features};
 use crate::linalg::{Par, product_into_columns};
 
 /// Features whose correlations with all anchors are held at once.
@@ -49,17 +49,13 @@ pub(super) fn check_anchored(a: &Anchored, features: usize, values: usize) -> Re
 }
 
 impl PredictPatches for AnchoredRegressors {
-    fn support(&self) -> usize {
-        self.model.patch_model.support
-    }
-
-    fn patch(&self) -> usize {
-        self.model.patch_model.patch
+    fn patch_model(&self) -> &PatchModel {
+        &self.model.patch_model
     }
 
     fn predict(&self, padded: &[Array2<f32>], corners: &[(usize, usize)]) -> Result<Array2<f32>, Error> {
         let parts = &self.model.patch_model;
-        let features = extract_features(&padded[..1], parts.support, &parts.filters, &[parts.filters.nrows()], corners);
+        let features = low_features(parts, padded, corners);
         match &parts.anchored {
             Some(anchored) => Ok(regress(anchored, &features, self.flat)),
             None => Err(Error::Parameter("the model has no anchored regressors".into())),

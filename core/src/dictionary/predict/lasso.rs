@@ -6,10 +6,10 @@ use std::sync::Arc;
 use ndarray::{Array2, Axis};
 
 use super::super::error::Error;
-use super::super::features::{extract_features, row_norms};
-use super::super::model::Model;
+use super::super::features::row_norms;
+use super::super::model::{Model, PatchModel};
 use super::super::options::ReconstructionOptions;
-use super::predictor::PredictPatches;
+use super::predictor::{PredictPatches, low_features};
 use crate::sparse;
 
 /// Duality gap, relative to ½‖y‖², at which a code is good enough.
@@ -40,17 +40,13 @@ impl LassoCodes {
 }
 
 impl PredictPatches for LassoCodes {
-    fn support(&self) -> usize {
-        self.model.patch_model.support
-    }
-
-    fn patch(&self) -> usize {
-        self.model.patch_model.patch
+    fn patch_model(&self) -> &PatchModel {
+        &self.model.patch_model
     }
 
     fn predict(&self, padded: &[Array2<f32>], corners: &[(usize, usize)]) -> Result<Array2<f32>, Error> {
         let parts = &self.model.patch_model;
-        let features = extract_features(&padded[..1], parts.support, &parts.filters, &[parts.filters.nrows()], corners);
+        let features = low_features(parts, padded, corners);
         let norms = row_norms(&features);
         let kept: Vec<usize> = (0..norms.len()).filter(|&n| norms[n] > self.least_norm).collect();
         let mut patches = Array2::zeros((features.nrows(), parts.high.ncols()));

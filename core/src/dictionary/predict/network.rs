@@ -9,7 +9,7 @@ use ndarray::{Array2, s};
 use super::super::error::Error;
 use super::super::features::{extract_features, row_norms};
 use super::super::limits;
-use super::super::model::{Layer, Model, Network};
+use super::super::model::{Layer, Model, Network, PatchModel};
 use super::predictor::PredictPatches;
 use crate::interpolation::Interpolation;
 use crate::linalg::{Par, product};
@@ -82,6 +82,10 @@ pub(in super::super) fn check_network(network: &Network) -> Result<(), Error> {
 }
 
 impl PredictPatches for PatchNetwork {
+    fn patch_model(&self) -> &PatchModel {
+        &self.model.patch_model
+    }
+
     fn support(&self) -> usize {
         self.support
     }

@@ -6,9 +6,8 @@ use std::sync::Arc;
 use ndarray::Array2;
 
 use super::super::error::Error;
-use super::super::features::extract_features;
-use super::super::model::Model;
-use super::predictor::PredictPatches;
+use super::super::model::{Model, PatchModel};
+use super::predictor::{PredictPatches, low_features};
 use crate::linalg::{Par, product};
 
 /// The model's ridge regressor.
@@ -24,17 +23,13 @@ impl RidgeRegressor {
 }
 
 impl PredictPatches for RidgeRegressor {
-    fn support(&self) -> usize {
-        self.model.patch_model.support
-    }
-
-    fn patch(&self) -> usize {
-        self.model.patch_model.patch
+    fn patch_model(&self) -> &PatchModel {
+        &self.model.patch_model
     }
 
     fn predict(&self, padded: &[Array2<f32>], corners: &[(usize, usize)]) -> Result<Array2<f32>, Error> {
         let parts = &self.model.patch_model;
-        let features = extract_features(&padded[..1], parts.support, &parts.filters, &[parts.filters.nrows()], corners);
+        let features = low_features(parts, padded, corners);
         Ok(product(features.view(), parts.ridge.view(), Par::Seq))
     }
 }

@@ -5,9 +5,10 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result};
 use lenslet_core::decode::{self, ViewStep};
-use lenslet_core::dictionary::{Dictionary, Interpolation};
+use lenslet_core::dictionary::Dictionary;
 use lenslet_core::digest::sha256_hex;
 use lenslet_core::geometry::Size;
+use lenslet_core::interpolation::Interpolation;
 use lenslet_core::progress::Observer;
 use lenslet_data_gen::simulate::SceneName;
 use ndarray::Array3;

@@ -4,7 +4,8 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use anyhow::Context as _;
-use lenslet_core::dictionary::{self, Footprint, Interpolation};
+use lenslet_core::dictionary::{self, Footprint};
+use lenslet_core::interpolation::Interpolation;
 use lenslet_core::output;
 use lenslet_core::progress::Observer;
 use lenslet_train::{Algorithm, Coupling, KsvdUpdate, Parameters, train_dictionary, train_on_crops};
