@@ -116,10 +116,10 @@ fn folders_that_are_missing_and_outputs_that_exist() {
     fs::write(at("out/precious"), "mine").unwrap();
     fs::write(at("out.lfd"), "mine").unwrap();
     photo(&at("photo.png"));
-    refuses(&["simulate", "--out", "out"], dir.path(), 1, &["out", "--force"]);
-    refuses(&["demo", "--out", "out"], dir.path(), 1, &["out", "--force"]);
-    refuses(&["gen-pairs", "photo.png", "--out", "out"], dir.path(), 1, &["out", "--force"]);
-    refuses(&["train-dict", "photo.png", "--out", "out.lfd"], dir.path(), 1, &["out.lfd", "--force"]);
+    refuses(&["simulate", "--out", "out"], dir.path(), 1, &["out", "is kept"]);
+    refuses(&["demo", "--out", "out"], dir.path(), 1, &["out", "is kept"]);
+    refuses(&["gen-pairs", "photo.png", "--out", "out"], dir.path(), 1, &["out", "is kept"]);
+    refuses(&["train-dict", "photo.png", "--out", "out.lfd"], dir.path(), 1, &["out.lfd", "is kept"]);
     assert_eq!(fs::read(at("out.lfd")).unwrap(), b"mine");
 }
 

@@ -71,7 +71,7 @@ fn wrong_use_is_told_in_one_line() {
     std::fs::write(dir.path().join("text.npy"), "no array").unwrap();
     std::fs::create_dir(dir.path().join("empty")).unwrap();
     for (arguments, code, words) in [
-        (vec!["convert", "lf", "--out", "lf"], 1, "--force"),
+        (vec!["convert", "lf", "--out", "lf"], 1, "it is an input"),
         (vec!["convert", "text.npy", "--out", "x"], 1, "text.npy"),
         (vec!["convert", "empty", "--out", "x"], 1, "numbered pictures"),
         (vec!["convert", "missing", "--out", "x"], 1, "missing"),

@@ -8,3 +8,9 @@
 mod bench;
 #[path = "regression/exports.rs"]
 mod exports;
+#[path = "regression/kept_files.rs"]
+mod kept_files;
+#[path = "regression/streams.rs"]
+mod streams;
+#[path = "regression/writers.rs"]
+mod writers;

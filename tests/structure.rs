@@ -17,6 +17,7 @@ const CRATES: [(&str, &str, &[&str]); 6] = [
             "error",
             "progress",
             "digest",
+            "input",
             "output",
             "linalg",
             "random",

@@ -13,6 +13,7 @@ pub mod dictionary;
 pub mod digest;
 pub mod geometry;
 pub mod image;
+pub mod input;
 pub mod interpolation;
 pub mod lightfield;
 pub mod linalg;

@@ -5,6 +5,7 @@ use std::io::Cursor;
 use std::path::Path;
 
 use lenslet_core::dictionary::{self, Dictionary};
+use lenslet_core::input::read_regular;
 use lenslet_core::output;
 use ndarray::{Array1, Array2, Ix2};
 use ndarray_npy::{NpzReader, NpzWriter};
@@ -18,6 +19,9 @@ use crate::parameters::Parameters;
 use crate::refine::RefinementState;
 use crate::trace::Epoch;
 
+/// Longest checkpoint that is read, bytes.
+/// Source: chosen; a thousand times that of the default dictionary.
+const MAX_BYTES: u64 = 8 << 30;
 /// Bytes of the checksum at the end.
 const CHECKSUM: usize = 32;
 
@@ -91,6 +95,8 @@ pub fn save_checkpoint(path: &Path, checkpoint: &Checkpoint) -> Result<(), Error
     };
     let head = serde_json::to_vec(&head).map_err(|e| unusable(path, e))?;
     let put = |e: ndarray_npy::WriteNpzError| unusable(path, e);
+    let mark = format!("{{\"tool\":\"lenslet {}\"}}", env!("CARGO_PKG_VERSION"));
+    npz.add_array(output::NPZ_MARK, &Array1::from_vec(mark.into_bytes())).map_err(put)?;
     npz.add_array("head", &Array1::from_vec(head)).map_err(put)?;
     if let Some(done) = &checkpoint.done {
         npz.add_array("done", &Array1::from_vec(dictionary::to_bytes(done)?)).map_err(put)?;
@@ -122,7 +128,7 @@ pub fn save_checkpoint(path: &Path, checkpoint: &Checkpoint) -> Result<(), Error
 /// # Errors
 /// When it is damaged, or was made with other parameters or photos.
 pub fn load_checkpoint(path: &Path, key: &Key) -> Result<Checkpoint, Error> {
-    let bytes = std::fs::read(path).map_err(|e| unusable(path, e))?;
+    let bytes = read_regular(path, MAX_BYTES).map_err(|e| unusable(path, e))?;
     let whole =
         bytes.split_last_chunk::<CHECKSUM>().filter(|(body, checksum)| Sha256::digest(body)[..] == checksum[..]);
     let Some((body, _)) = whole else {

@@ -1,21 +1,18 @@
 //! Reads of untrusted files: regular files only, bounded in size.
 
 use std::fs::File;
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 use std::path::Path;
 
 use super::error::Error;
+use crate::input::open_regular;
 
 /// Opens a regular file (never a pipe or device, which may have no end); returns it and its length in bytes.
 pub(super) fn open(path: &Path) -> Result<(File, u64), Error> {
-    let meta = std::fs::metadata(path).map_err(Error::io(path))?;
-    if meta.is_dir() {
-        return Err(Error::not_recognised(path, "this is a folder, a file is needed"));
-    }
-    if !meta.is_file() {
-        return Err(Error::not_recognised(path, "not a regular file"));
-    }
-    Ok((File::open(path).map_err(Error::io(path))?, meta.len()))
+    open_regular(path).map_err(|e| match e.kind() {
+        ErrorKind::IsADirectory | ErrorKind::InvalidInput => Error::not_recognised(path, e.to_string()),
+        _ => Error::io(path)(e),
+    })
 }
 
 /// Reads the whole file, `what` in messages; longer than `limit` bytes is an error.

@@ -3,7 +3,6 @@
 //! A member is a stretch of a file; it is read only when asked for.
 
 use std::collections::HashSet;
-use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
@@ -52,7 +51,7 @@ impl Member {
     /// When the file cannot be read.
     pub fn part(&self, start: u64, length: u64) -> Result<Vec<u8>, Error> {
         let length = length.min(self.length.saturating_sub(start));
-        let mut file = File::open(&self.path).map_err(Error::io(&self.path))?;
+        let (mut file, _) = file::open(&self.path)?;
         file.seek(SeekFrom::Start(self.offset + start)).map_err(Error::io(&self.path))?;
         let mut bytes = Vec::new();
         file.take(length).read_to_end(&mut bytes).map_err(Error::io(&self.path))?;

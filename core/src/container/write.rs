@@ -26,7 +26,7 @@ pub fn write_lfp(path: &Path, capture: &Capture, force: bool) -> Result<(), Erro
     let segments = segments_of(capture)?;
     let pending = Pending::file(path, force)?;
     let write = || -> std::io::Result<()> {
-        let mut out = std::fs::File::create(pending.path())?;
+        let mut out = pending.handle().map_err(std::io::Error::other)?;
         out.write_all(&MAGIC)?;
         out.write_all(&[0, 0, 0, 1, 0, 0, 0, 0])?;
         for (letter, payload) in &segments {

@@ -28,5 +28,5 @@ pub use error::Error;
 pub use options::{Options, WhiteBalance};
 pub use pipeline::sample_views;
 pub use samples::HexSamples;
-pub use samples_file::{SAMPLES_FILE, find_samples_file};
+pub use samples_file::{SAMPLES_FILE, SamplesOrigin, find_samples_file, samples_beside, view_fingerprint};
 pub use steps::{Demosaic, RawStep, Steps, ViewStep, steps_for};

@@ -3,7 +3,8 @@
 //! A NumPy archive (zip, nothing compressed) of `values` f32 (views², lenslets, channels), `centres` f64 (lenslets, 2;
 //! x, y), `index` i32 (lenslets, 2; i, j), `offsets` f64 (views², 2; u, v in sensor pixels), `sensor` i32 (2; width,
 //! height) and `weights` f32 (views²; how reliable each view is, 1 where an older file has none). The same samples
-//! give the same bytes.
+//! give the same bytes. Before all, `lenslet` u8 is JSON that says which program wrote the file and what the samples
+//! belong to ([`SamplesOrigin`]); older files have none.
 //!
 //! Files are not trusted: the memory used depends on the size of the file, never on a size that it states.
 
@@ -13,23 +14,90 @@ use std::path::{Path, PathBuf};
 
 use ndarray::{Array1, Array2, Array3};
 use ndarray_npy::{NpzWriter, WriteNpzError};
+use serde::{Deserialize, Serialize};
 use zip::ZipArchive;
 use zip::result::ZipError;
 
 use super::error::Error;
 use super::samples::HexSamples;
-use crate::output::Pending;
+use crate::input::open_regular;
+use crate::output::{NPZ_MARK, Pending};
 
 /// Name of the file of samples inside a light field's directory.
 pub const SAMPLES_FILE: &str = "samples.npz";
 /// First bytes of a .npy of format 1.0.
 const MAGIC: &[u8] = b"\x93NUMPY\x01\x00";
 
-/// The file of the samples that a light field was made from: in its folder, or beside a light field that is one file.
+/// The file of samples beside a light field that is one file: its whole name, and `.samples.npz`.
+#[must_use]
+pub fn samples_beside(light_field: &Path) -> PathBuf {
+    let mut name = light_field.as_os_str().to_os_string();
+    name.push(".");
+    name.push(SAMPLES_FILE);
+    name.into()
+}
+
+/// The file of the samples that a light field was made from: in its folder, or beside a light field that is one file
+/// ([`samples_beside`]; earlier versions left its last ending out, so that several light fields shared one file: see
+/// [`SamplesOrigin`] for whether they belong).
 #[must_use]
 pub fn find_samples_file(light_field: &Path) -> Option<PathBuf> {
     let within = light_field.join(SAMPLES_FILE);
-    [within, light_field.with_extension(SAMPLES_FILE)].into_iter().find(|path| path.is_file())
+    let old = light_field.with_extension(SAMPLES_FILE);
+    [within, samples_beside(light_field), old].into_iter().find(|path| path.is_file())
+}
+
+/// What samples belong to.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SamplesOrigin {
+    /// SHA-256 of the capture's file, hexadecimal.
+    #[serde(default)]
+    pub capture_sha256: String,
+    /// [`view_fingerprint`] of the middle view of the light field (row and column N/2 of N) as it was written.
+    #[serde(default)]
+    pub middle_view: Option<u32>,
+}
+
+/// What the mark of the file holds.
+#[derive(Serialize, Deserialize)]
+struct Mark {
+    tool: String,
+    #[serde(flatten)]
+    origin: SamplesOrigin,
+}
+
+impl SamplesOrigin {
+    /// What the samples in a file belong to; `None` where the file does not say.
+    ///
+    /// # Errors
+    /// When the file cannot be read or is no NumPy archive.
+    pub fn read(path: &Path) -> Result<Option<SamplesOrigin>, Error> {
+        let (file, _) = open_regular(path).map_err(|e| failed(path, e))?;
+        let mut archive = Archive::open(file).map_err(|reason| failed(path, reason))?;
+        let Ok(mark) = archive.array(NPZ_MARK, "|u1", |[byte]: [u8; 1]| byte) else { return Ok(None) };
+        Ok(serde_json::from_slice::<Mark>(&mark.items).ok().map(|m| m.origin))
+    }
+}
+
+/// A number that a view keeps in every format that holds 16 bits a value: the CRC-32 of its values, cut to 0..1 and
+/// rounded to 16 bits.
+///
+/// ```
+/// use lenslet_core::decode::view_fingerprint;
+/// use ndarray::Array3;
+///
+/// let view = Array3::from_elem((2, 3, 1), 0.25f32);
+/// let stored = view.mapv(|x| (x * 65535.0).round() / 65535.0);
+/// assert_eq!(view_fingerprint(&view), view_fingerprint(&stored));
+/// assert_ne!(view_fingerprint(&view), view_fingerprint(&(view + 0.01)));
+/// ```
+#[must_use]
+pub fn view_fingerprint(view: &Array3<f32>) -> u32 {
+    let mut crc = flate2::Crc::new();
+    let bytes: Vec<u8> =
+        view.iter().flat_map(|x| ((x.clamp(0.0, 1.0) * 65535.0 + 0.5) as u16).to_le_bytes()).collect();
+    crc.update(&bytes);
+    crc.sum()
 }
 
 fn failed(path: &Path, reason: impl ToString) -> Error {
@@ -42,18 +110,17 @@ impl HexSamples {
     /// # Errors
     /// When the file exists (without `force`) or cannot be written, or the samples are too many for the format (4 GiB).
     pub fn save(&self, path: &Path, force: bool) -> Result<(), Error> {
-        let pending = Pending::file(path, force)?;
-        self.write(pending.path())?;
-        Ok(pending.commit()?)
+        self.save_of(path, force, &SamplesOrigin::default())
     }
 
-    /// Writes the samples at `path` directly: for folders that are themselves not yet under their final name.
+    /// As [`HexSamples::save`], with what the samples belong to.
     ///
     /// # Errors
-    /// When the file cannot be written, or the samples are too many for the format (4 GiB).
-    pub fn write(&self, path: &Path) -> Result<(), Error> {
-        let file = File::create(path).map_err(|e| failed(path, e))?;
-        write_archive(file, self).map_err(|e| failed(path, e))
+    /// As [`HexSamples::save`].
+    pub fn save_of(&self, path: &Path, force: bool, origin: &SamplesOrigin) -> Result<(), Error> {
+        let pending = Pending::file(path, force)?;
+        write_archive(pending.handle()?, self, origin).map_err(|e| failed(path, e))?;
+        Ok(pending.commit()?)
     }
 
     /// Reads what [`HexSamples::save`] wrote, or what `numpy.savez` made of the same arrays.
@@ -82,16 +149,18 @@ impl HexSamples {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn load(path: &Path) -> Result<HexSamples, Error> {
-        let file = File::open(path).map_err(|e| failed(path, e))?;
+        let (file, _) = open_regular(path).map_err(|e| failed(path, e))?;
         read_archive(file).map_err(|reason| failed(path, reason))
     }
 }
 
-fn write_archive(file: File, samples: &HexSamples) -> Result<(), WriteNpzError> {
+fn write_archive(file: File, samples: &HexSamples, origin: &SamplesOrigin) -> Result<(), WriteNpzError> {
     let pairs = |v: &[[f64; 2]]| Array2::from_shape_fn((v.len(), 2), |(k, n)| v[k][n]);
     let offsets: Vec<[f64; 2]> = (0..samples.views * samples.views).map(|k| samples.view_offset(k)).collect();
     let index = Array2::from_shape_fn((samples.index.len(), 2), |(k, n)| samples.index[k][n]);
+    let mark = Mark { tool: concat!("lenslet ", env!("CARGO_PKG_VERSION")).into(), origin: origin.clone() };
     let mut npz = NpzWriter::new(file);
+    npz.add_array(NPZ_MARK, &Array1::from_vec(serde_json::to_vec(&mark).unwrap_or_default()))?;
     npz.add_array("values", &samples.values)?;
     npz.add_array("centres", &pairs(&samples.centres))?;
     npz.add_array("index", &index)?;

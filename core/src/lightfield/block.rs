@@ -1,10 +1,11 @@
 //! Light fields stored as one block of numbers in any axis order, held in memory as stored.
 
-use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use ndarray::Array3;
+
+use crate::input::open_regular;
 
 use super::error::{Error, io_at, unsupported};
 use super::meta::Meta;
@@ -48,7 +49,7 @@ impl SampleBlock {
             );
             return Err(unsupported(path, reason));
         }
-        let mut file = File::open(path).map_err(io_at(path))?;
+        let (mut file, _) = open_regular(path).map_err(io_at(path))?;
         file.seek(SeekFrom::Start(start)).map_err(io_at(path))?;
         let mut bytes = vec![0; length as usize];
         file.read_exact(&mut bytes).map_err(io_at(path))?;

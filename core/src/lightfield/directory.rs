@@ -1,7 +1,6 @@
 //! Lenslet's directory (`docs/file-formats.md`): `lightfield.json` and `view_VV_UU.png`, 16 bit, row v, column u, from
 //! 00.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use ndarray::Array3;
@@ -11,7 +10,8 @@ use super::image_file;
 use super::meta::Meta;
 use super::view_io::{ViewSink, ViewSource, check_all_written};
 use super::write_queue::WriteQueue;
-use crate::output::Pending;
+use crate::input::read_regular;
+use crate::output::{Pending, write_part};
 
 /// Name of the description.
 pub(super) const DESCRIPTION: &str = "lightfield.json";
@@ -49,7 +49,7 @@ impl ViewSink for Writer {
         self.written[v * self.meta.views[1] + u] = true;
         self.queue.submit(move || {
             let png = image_file::encode_png(&samples, width, height, channels, &path)?;
-            fs::write(&path, png).map_err(io_at(&path))
+            write_part(&path, &png).map_err(io_at(&path))
         })
     }
 
@@ -64,7 +64,7 @@ impl ViewSink for Writer {
         let path = pending.path().join(DESCRIPTION);
         let text = serde_json::to_string_pretty(&self.meta)
             .map_err(|e| Error::Parameter(format!("cannot describe the light field: {e}")))?;
-        fs::write(&path, text + "\n").map_err(io_at(&path))?;
+        write_part(&path, (text + "\n").as_bytes()).map_err(io_at(&path))?;
         Ok(pending.commit()?)
     }
 }
@@ -85,11 +85,7 @@ pub(super) struct Reader {
 impl Reader {
     pub(super) fn open(folder: &Path) -> Result<Self, Error> {
         let path = folder.join(DESCRIPTION);
-        let length = fs::metadata(&path).map_err(io_at(&path))?.len();
-        if length > MAX_DESCRIPTION {
-            return Err(malformed(&path, format!("{length} bytes are too many for a description")));
-        }
-        let bytes = fs::read(&path).map_err(io_at(&path))?;
+        let bytes = read_regular(&path, MAX_DESCRIPTION).map_err(io_at(&path))?;
         let value: serde_json::Value =
             serde_json::from_slice(&bytes).map_err(|e| malformed(&path, format!("not a description: {e}")))?;
         if let Some(version) = value.get("version").and_then(serde_json::Value::as_u64)

@@ -1,13 +1,12 @@
 //! Lenslet pictures (ESLF): the views interleaved, pixel (t, s) of view (v, u) at row `t·V + v`, column `s·U + u`.
 
-use std::fs;
 use std::path::Path;
 
 use ndarray::Array3;
 
 use super::block::{BlockLayout, BlockViews, SampleBlock};
 use super::colour::ColourSpace;
-use super::error::{Error, io_at, malformed, unsupported};
+use super::error::{Error, malformed, unsupported};
 use super::format::ReadOptions;
 use super::image_file;
 use super::meta::{MAX_SIDE, Meta};
@@ -81,7 +80,7 @@ impl ViewSink for Writer {
         let (height, width) = (self.meta.views[0] * self.meta.size[0], self.meta.views[1] * self.meta.size[1]);
         let path = self.pending.path();
         let png = image_file::encode_png(&self.samples, width, height, self.meta.channels, path)?;
-        fs::write(path, png).map_err(io_at(path))?;
+        self.pending.write(&png)?;
         Ok(self.pending.commit()?)
     }
 }

@@ -1,6 +1,5 @@
 //! Single images: 16-bit PNG written fast; PNG, JPEG, TIFF and PNM read with limits.
 
-use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
@@ -11,6 +10,7 @@ use rayon::prelude::*;
 use super::error::{Error, io_at, malformed};
 use super::meta::{MAX_SIDE, MAX_VIEW_VALUES, Meta};
 use super::sample::{SampleFormat, SampleKind};
+use crate::input::open_regular;
 
 /// Values 0..1 to big-endian 16-bit samples, rounded to nearest; NaN becomes 0.
 pub(super) fn to_sixteen_bits(view: &Array3<f32>) -> Vec<u8> {
@@ -62,8 +62,7 @@ pub(super) struct Shape {
 }
 
 fn open_decoder(path: &Path, max_values: usize) -> Result<(impl ImageDecoder + use<>, Shape), Error> {
-    let file = File::open(path).map_err(io_at(path))?;
-    let length = file.metadata().map_err(io_at(path))?.len();
+    let (file, length) = open_regular(path).map_err(io_at(path))?;
     let mut reader = ImageReader::new(BufReader::new(file)).with_guessed_format().map_err(io_at(path))?;
     if reader.format().is_none() {
         return Err(malformed(path, "not an image (PNG, JPEG, TIFF or PNM)"));

@@ -18,6 +18,7 @@ use super::format::ReadOptions;
 use super::meta::Meta;
 use super::sample::{SampleFormat, SampleKind};
 use super::view_io::{ViewSink, check_all_written};
+use crate::input::open_regular;
 use crate::output::Pending;
 
 /// First bytes of a level 5 file.
@@ -79,7 +80,7 @@ struct Place {
 
 /// Reads the light field of a MATLAB file, kept in memory as stored.
 pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<BlockViews, Error> {
-    let mut file = File::open(path).map_err(io_at(path))?;
+    let (mut file, _) = open_regular(path).map_err(io_at(path))?;
     let length = file.metadata().map_err(io_at(path))?.len();
     let big = read_byte_order(&mut file, path)?;
     let (place, array) = find_light_field(&mut file, path, length, big)?;
@@ -331,7 +332,7 @@ impl ViewSink for Writer {
     fn finish(self: Box<Self>) -> Result<(), Error> {
         check_all_written(&self.written, self.meta.views[1])?;
         let path = self.pending.path().to_path_buf();
-        let mut out = BufWriter::new(File::create(&path).map_err(io_at(&path))?);
+        let mut out = BufWriter::new(self.pending.handle()?);
         out.write_all(&file_header(&self.meta, self.values.len())).map_err(io_at(&path))?;
         for x in &self.values {
             out.write_all(&x.to_le_bytes()).map_err(io_at(&path))?;

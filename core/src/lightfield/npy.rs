@@ -1,7 +1,7 @@
 //! NumPy's .npy (format 1.0 to 3.0): written as one f32 array (v, u, t, s, c), views streamed to their places;
 //! read with 2 to 5 dimensions, f32, f64, u8 or u16, in C or Fortran order.
 
-use std::fs::{File, OpenOptions};
+use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
@@ -15,7 +15,8 @@ use super::meta::Meta;
 use super::sample::{SampleFormat, SampleKind};
 use super::view_io::{ViewSink, ViewSource, check_all_written, check_finite};
 use super::write_queue::WriteQueue;
-use crate::output::Pending;
+use crate::input::open_regular;
+use crate::output::{NPY_HEADER, Pending, write_at};
 
 /// First bytes of every .npy.
 pub(super) const MAGIC: &[u8] = b"\x93NUMPY";
@@ -36,7 +37,7 @@ impl Writer {
         let pending = Pending::file(path, force)?;
         let (t, s, c) = meta.view_shape();
         let head = header_bytes(&[meta.views[0], meta.views[1], t, s, c]);
-        let mut file = File::create(pending.path()).map_err(io_at(path))?;
+        let mut file = pending.handle()?;
         file.write_all(&head).map_err(io_at(path))?;
         let data = (meta.views[0] * meta.views[1]) as u64 * (t * s * c) as u64 * 4;
         file.set_len(head.len() as u64 + data).map_err(io_at(path))?;
@@ -45,11 +46,12 @@ impl Writer {
     }
 }
 
-/// A version 1.0 header for a C-ordered little-endian f32 array, padded so that the data starts at a multiple of 64.
+/// A version 1.0 header for a C-ordered little-endian f32 array, padded to the length by which lenslet's own files are
+/// recognised (a multiple of 64, as NumPy asks for).
 fn header_bytes(shape: &[usize]) -> Vec<u8> {
     let shape: Vec<String> = shape.iter().map(usize::to_string).collect();
     let text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}), }}", shape.join(", "));
-    let whole = (10 + text.len() + 1).next_multiple_of(64);
+    let whole = (10 + text.len() + 1).next_multiple_of(64).max(NPY_HEADER);
     let mut head = MAGIC.to_vec();
     head.extend([1, 0]);
     head.extend(((whole - 10) as u16).to_le_bytes());
@@ -63,7 +65,7 @@ impl ViewSink for Writer {
     fn write(&mut self, v: usize, u: usize, view: &Array3<f32>) -> Result<(), Error> {
         self.meta.check_view(v, u, view)?;
         let Some(pending) = &self.pending else { return Err(Error::Parameter("light field is finished".into())) };
-        let path = pending.path().to_path_buf();
+        let (file, path) = (pending.handle()?, pending.path().to_path_buf());
         let mut bytes = vec![0; 4 * view.len()];
         match view.as_slice() {
             Some(values) => {
@@ -81,9 +83,7 @@ impl ViewSink for Writer {
         let place = self.data_start + index as u64 * bytes.len() as u64;
         self.written[index] = true;
         self.queue.submit(move || {
-            let mut file = OpenOptions::new().write(true).open(&path).map_err(io_at(&path))?;
-            file.seek(SeekFrom::Start(place)).map_err(io_at(&path))?;
-            file.write_all(&bytes).map_err(io_at(&path))
+            write_at(&file, &bytes, place).map_err(io_at(&path))
         })
     }
 
@@ -118,8 +118,7 @@ pub(super) struct Reader {
 
 impl Reader {
     pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Self, Error> {
-        let mut file = File::open(path).map_err(io_at(path))?;
-        let length = file.metadata().map_err(io_at(path))?.len();
+        let (mut file, length) = open_regular(path).map_err(io_at(path))?;
         let (text, start) = read_header(&mut file, path)?;
         let header = parse_header(&text).map_err(|reason| malformed(path, format!("not a .npy header: {reason}")))?;
         let number = sample_format(&header.descr).ok_or_else(|| {
@@ -166,7 +165,7 @@ impl ViewSource for Reader {
             None => {
                 let bytes = t * s * self.stored * self.number.kind.bytes();
                 let index = v * self.meta.views[1] + u;
-                let mut file = File::open(&self.path).map_err(io_at(&self.path))?;
+                let (mut file, _) = open_regular(&self.path).map_err(io_at(&self.path))?;
                 file.seek(SeekFrom::Start(self.start + index as u64 * bytes as u64)).map_err(io_at(&self.path))?;
                 let mut buffer = vec![0; bytes];
                 file.read_exact(&mut buffer).map_err(io_at(&self.path))?;

@@ -10,6 +10,7 @@ use super::format::{Format, ReadOptions};
 use super::meta::Meta;
 use super::view_io::{ViewSink, ViewSource};
 use super::{directory, eslf, mat, npy, numbered, single};
+use crate::input::open_regular;
 
 /// Largest light field, bytes as f32, that [`load`] reads when its options give no limit.
 /// Source: chosen.
@@ -104,7 +105,7 @@ pub fn load(path: &Path, options: &ReadOptions) -> Result<LightField, Error> {
 fn read_head(path: &Path) -> Result<Vec<u8>, Error> {
     use std::io::Read;
     let mut head = Vec::with_capacity(640);
-    let file = std::fs::File::open(path).map_err(io_at(path))?;
+    let (file, _) = open_regular(path).map_err(io_at(path))?;
     file.take(640).read_to_end(&mut head).map_err(io_at(path))?;
     Ok(head)
 }

@@ -1,10 +1,12 @@
 //! Pairs on disk: features.npy, residuals.npy, filters.npy and manifest.json.
 
+use std::io::Write;
 use std::path::Path;
 
 use lenslet_core::dictionary::Photo;
 use lenslet_core::output::{self, Pending};
 use ndarray::Array2;
+use ndarray_npy::WriteNpyExt;
 use serde::Serialize;
 
 use super::error::Error;
@@ -47,9 +49,11 @@ pub fn write_pairs(
     for (name, array) in
         [("features.npy", &pairs.features), ("residuals.npy", &pairs.residuals), ("filters.npy", filters)]
     {
-        ndarray_npy::write_npy(pending.path().join(name), array).map_err(|e| io(std::io::Error::other(e)))?;
+        let mut part = std::io::BufWriter::new(output::create_part(&pending.path().join(name)).map_err(io)?);
+        array.write_npy(&mut part).map_err(|e| io(std::io::Error::other(e)))?;
+        part.flush().map_err(io)?;
     }
     let text = serde_json::to_string_pretty(manifest).map_err(|e| io(std::io::Error::other(e)))?;
-    std::fs::write(pending.path().join("manifest.json"), text).map_err(io)?;
+    output::write_part(&pending.path().join("manifest.json"), text.as_bytes()).map_err(io)?;
     Ok(pending.commit()?)
 }

@@ -31,7 +31,7 @@ pub(crate) fn decode_photo(path: &Path, least: usize, most: usize) -> Result<Dec
     if length > MEMORY {
         return Err(Error::TooLong { path: path.to_path_buf(), length });
     }
-    let bytes = std::fs::read(path).map_err(unread)?;
+    let bytes = lenslet_core::input::read_regular(path, MEMORY).map_err(unread)?;
     let mut reader = ImageReader::new(Cursor::new(&bytes)).with_guessed_format().map_err(unread)?;
     let mut limits = Limits::default();
     limits.max_alloc = Some(MEMORY);

@@ -1,13 +1,15 @@
 //! A simulation on disk: `capture.lfp`, `white-NN.lfp`, and `truth/` with centres, views, disparity and what the scene
 //! was.
 
+use std::io::Write;
 use std::path::Path;
 
 use lenslet_core::container;
 use lenslet_core::lightfield::{self, ColourSpace, Format, Meta, ViewOrigin, colour};
-use lenslet_core::output::Pending;
+use lenslet_core::output::{Pending, create_part, write_part};
 use lenslet_core::progress::Observer;
 use ndarray::Array2;
+use ndarray_npy::WriteNpyExt;
 use serde_json::json;
 
 use super::camera::Camera;
@@ -40,7 +42,6 @@ pub fn write_simulation(
         container::write_lfp(&root.join(format!("white-{k:02}.lfp")), white, false)?;
     }
     let folder = root.join("truth");
-    std::fs::create_dir(&folder).map_err(|e| Error::Write { path: folder.clone(), reason: e.to_string() })?;
     let centres = Array2::from_shape_fn((simulation.centres.len(), 2), |(k, axis)| simulation.centres[k][axis]);
     npy(&folder.join("centres.npy"), &centres)?;
 
@@ -61,7 +62,7 @@ pub fn write_simulation(
     let path = folder.join("scene.json");
     let text =
         serde_json::to_vec_pretty(&record).map_err(|e| Error::Write { path: path.clone(), reason: e.to_string() })?;
-    std::fs::write(&path, text).map_err(|e| Error::Write { path, reason: e.to_string() })?;
+    write_part(&path, &text).map_err(|e| Error::Write { path, reason: e.to_string() })?;
 
     let n = truth.views;
     let mut meta = Meta::new([n, n], [size.1, size.0], 3, ColourSpace::Srgb);
@@ -86,5 +87,8 @@ pub fn write_simulation(
 }
 
 fn npy<T: ndarray_npy::WritableElement>(path: &Path, array: &Array2<T>) -> Result<(), Error> {
-    ndarray_npy::write_npy(path, array).map_err(|e| Error::Write { path: path.to_path_buf(), reason: e.to_string() })
+    let failed = |reason: String| Error::Write { path: path.to_path_buf(), reason };
+    let mut part = std::io::BufWriter::new(create_part(path).map_err(|e| failed(e.to_string()))?);
+    array.write_npy(&mut part).map_err(|e| failed(e.to_string()))?;
+    part.flush().map_err(|e| failed(e.to_string()))
 }

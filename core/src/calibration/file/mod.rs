@@ -81,7 +81,7 @@ pub fn save(path: &Path, calibration: &Calibration, force: bool) -> Result<(), E
     let io = |e: std::io::Error| Error::Output(crate::output::Error::Io { path: path.to_path_buf(), source: e });
     let json = serde_json::to_vec(&header).map_err(|e| io(e.into()))?;
     let pending = crate::output::Pending::file(path, force)?;
-    let mut file = std::io::BufWriter::new(std::fs::File::create(pending.path()).map_err(io)?);
+    let mut file = std::io::BufWriter::new(pending.handle()?);
     file.write_all(MAGIC).map_err(io)?;
     file.write_all(&VERSION.to_le_bytes()).map_err(io)?;
     file.write_all(&(json.len() as u32).to_le_bytes()).map_err(io)?;
@@ -100,7 +100,7 @@ pub fn save(path: &Path, calibration: &Calibration, force: bool) -> Result<(), E
 /// format version.
 pub fn load(path: &Path) -> Result<Calibration, Error> {
     let name = || path.display().to_string();
-    let file = std::fs::File::open(path).map_err(|source| Error::Read { path: name(), source })?;
+    let (file, _) = crate::input::open_regular(path).map_err(|source| Error::Read { path: name(), source })?;
     parse(std::io::BufReader::new(file), &name())
 }
 

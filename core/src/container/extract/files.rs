@@ -1,6 +1,5 @@
 //! Writing the parts of a container, bundle or archive into a folder.
 
-use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
@@ -12,7 +11,7 @@ use super::plan::{Item, plan_items};
 use crate::container::depth;
 use crate::container::error::Error;
 use crate::container::members::Member;
-use crate::output::Pending;
+use crate::output::{Pending, create_part, write_part};
 use crate::pfm;
 use crate::progress::Observer;
 
@@ -87,7 +86,7 @@ pub fn extract(
     let index =
         json!({"source": source.file_name().map(|n| n.to_string_lossy()), "files": index, "warnings": warnings});
     let target = inside(pending.path(), "index.json");
-    std::fs::write(&target, format!("{index:#}\n"))
+    write_part(&target, format!("{index:#}\n").as_bytes())
         .map_err(|source| Error::Io { path: out.join("index.json"), source })?;
     pending.commit()?;
     Ok((written, warnings))
@@ -119,7 +118,7 @@ fn write_depth_maps(
         for (extension, bytes) in [("pfm", pfm::to_bytes(plane.view())), ("png", picture)] {
             let name = names.unique(&format!("{word}.{extension}"));
             let target = inside(folder, &name);
-            std::fs::write(&target, &bytes).map_err(|source| Error::Io { path: target, source })?;
+            write_part(&target, &bytes).map_err(|source| Error::Io { path: target, source })?;
             let facts = match (extension, range) {
                 ("png", Some((low, high))) => json!({"lambda_at_0": low, "lambda_at_65535": high}),
                 _ => Value::Null,
@@ -134,10 +133,7 @@ fn write_depth_maps(
 /// Copies a member to `target`; returns its length, and whether its sha1 is the one it should have.
 fn copy_member(member: &Member, target: &Path, observer: &dyn Observer) -> Result<(u64, Option<bool>), Error> {
     let io = |source| Error::Io { path: target.to_path_buf(), source };
-    if let Some(parent) = target.parent() {
-        std::fs::create_dir_all(parent).map_err(io)?;
-    }
-    let mut out = BufWriter::new(File::create_new(target).map_err(io)?);
+    let mut out = BufWriter::new(create_part(target).map_err(io)?);
     let mut hash = Sha1::new();
     let mut done = 0;
     while done < member.length {

@@ -105,13 +105,12 @@ pub fn save(path: &Path, dictionary: &Dictionary, force: bool) -> Result<(), Err
 pub fn load(path: &Path) -> Result<Dictionary, Error> {
     let name = path.display().to_string();
     let io = |source| Error::Io { path: name.clone(), source };
-    let file = std::fs::File::open(path).map_err(io)?;
-    let length = file.metadata().map_err(io)?.len();
+    let (file, length) = crate::input::open_regular(path).map_err(io)?;
     if length > limits::FILE {
         return Err(Error::Malformed { path: name, reason: format!("{length} bytes are too many for a dictionary") });
     }
     let mut bytes = Vec::new();
-    // The length may be wrong: a device file may report 0 and never end.
+    // The file may grow while it is read.
     file.take(limits::FILE).read_to_end(&mut bytes).map_err(io)?;
     from_bytes(&bytes, &name)
 }

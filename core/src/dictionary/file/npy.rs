@@ -1,13 +1,16 @@
 //! Export of a dictionary as a folder: one .npy per matrix, and `dictionary.json` with everything else.
 
+use std::io::Write;
 use std::path::Path;
+
+use ndarray_npy::WriteNpyExt;
 
 use super::super::error::Error;
 use super::super::model::Dictionary;
 use super::super::validate::validate;
 use super::matrices::{matrices, model_names};
 use super::safetensors::metadata;
-use crate::output::Pending;
+use crate::output::{Pending, create_part, write_part};
 
 /// Writes a dictionary as a folder of .npy files, named as the tensors of a `.safetensors` file
 /// (`point.lasso.low_atoms.npy`), and `dictionary.json`. Anchored maps are always f32.
@@ -35,10 +38,13 @@ pub fn export_npy(path: &Path, dictionary: &Dictionary, force: bool) -> Result<(
     for (name, model) in model_names(dictionary).into_iter().zip(&dictionary.models) {
         for (which, values) in matrices(&model.patch_model) {
             let file = format!("{name}.{}.npy", which.tensor_name());
-            ndarray_npy::write_npy(pending.path().join(file), &values).map_err(|e| io(std::io::Error::other(e)))?;
+            let part = create_part(&pending.path().join(file)).map_err(io)?;
+            let mut part = std::io::BufWriter::new(part);
+            values.write_npy(&mut part).map_err(|e| io(std::io::Error::other(e)))?;
+            part.flush().map_err(io)?;
         }
     }
     let text = serde_json::to_string_pretty(&metadata(dictionary)?).map_err(|e| Error::Parameter(e.to_string()))?;
-    std::fs::write(pending.path().join("dictionary.json"), text).map_err(io)?;
+    write_part(&pending.path().join("dictionary.json"), text.as_bytes()).map_err(io)?;
     Ok(pending.commit()?)
 }

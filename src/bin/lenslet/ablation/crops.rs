@@ -68,7 +68,7 @@ pub(super) fn save_crops(
     let mut names = BTreeMap::new();
     let mut write = |what: &str, picture: &Array3<f32>| -> Result<()> {
         let name = format!("pictures/{key}-{what}.png");
-        output::write_file(&out.join(&name), true, &EmbeddedPicture::png(picture, 1)?.bytes)?;
+        output::replace_listed(out, &name, &EmbeddedPicture::png(picture, 1)?.bytes)?;
         names.insert(what.to_owned(), name);
         Ok(())
     };

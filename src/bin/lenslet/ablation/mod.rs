@@ -25,6 +25,7 @@ mod settings;
 mod simulated_capture;
 pub mod table;
 
+use std::fs::File;
 use std::path::Path;
 use std::time::Instant;
 
@@ -36,6 +37,9 @@ use matrix::Run;
 pub use matrix::plan;
 pub use record::Record;
 pub use settings::Settings;
+
+/// What is written at the end, besides the log and the pictures.
+const WRITTEN: [&str; 6] = ["tables.json", "tables.csv", "tables.md", "orderings.json", "report.html", "against.json"];
 
 /// What a call did.
 #[derive(Debug, Clone, Copy, Default)]
@@ -51,11 +55,15 @@ pub struct Done {
 /// Runs everything of the plan that is not yet in `out/runs.jsonl`, in order.
 ///
 /// # Errors
-/// A folder that is not an ablation's (unless `force`), files that cannot be written, interruption (the finished runs
-/// stay).
-pub fn run(out: &Path, settings: &Settings, force: bool, observer: &dyn Observer) -> Result<Done> {
+/// A folder that is not an ablation's or holds runs of other parameters (unless `force`), another run that writes into
+/// it, files that cannot be written, interruption (the finished runs stay). The file that is returned is the folder's
+/// lock.
+pub fn run(out: &Path, settings: &Settings, force: bool, observer: &dyn Observer) -> Result<(Done, File)> {
     let runs = plan(settings)?;
-    let mut log = record::Log::open(out, force)?;
+    let mut log = record::Log::open(out, settings, force)?;
+    for name in WRITTEN {
+        output::check_listed(out, name)?;
+    }
     let mut done = Done::default();
     let mut caches = run_one::Caches::new(settings);
     let mut missing: Vec<&Run> = runs.iter().filter(|r| !log.has(&r.key())).collect();
@@ -73,7 +81,7 @@ pub fn run(out: &Path, settings: &Settings, force: bool, observer: &dyn Observer
         done.failed += usize::from(record.failed.is_some());
         log.append(&record).with_context(|| format!("cannot add to {}", log.path().display()))?;
     }
-    Ok(done)
+    Ok((done, log.into_lock()))
 }
 
 /// Writes `tables.json`, `tables.csv`, `tables.md` of the plan's records.
@@ -82,9 +90,9 @@ pub fn run(out: &Path, settings: &Settings, force: bool, observer: &dyn Observer
 /// Files that cannot be written.
 pub fn write_tables(out: &Path, tables: &[table::Table]) -> Result<()> {
     let json = serde_json::to_vec_pretty(tables)?;
-    output::write_file(&out.join("tables.json"), true, &json)?;
-    output::write_file(&out.join("tables.csv"), true, table::tables_to_csv(tables).as_bytes())?;
-    output::write_file(&out.join("tables.md"), true, table::tables_to_markdown(tables).as_bytes())?;
+    output::replace_listed(out, "tables.json", &json)?;
+    output::replace_listed(out, "tables.csv", table::tables_to_csv(tables).as_bytes())?;
+    output::replace_listed(out, "tables.md", table::tables_to_markdown(tables).as_bytes())?;
     Ok(())
 }
 

@@ -3,6 +3,7 @@
 use std::path::{Component, Path};
 
 use anyhow::Result;
+use lenslet_core::input::read_regular;
 use lenslet_core::output;
 use ndarray::Array3;
 
@@ -41,7 +42,7 @@ pub fn write_page(out: &Path, tables: &[Table], verdicts: &[Verdict], about: &[S
         rows,
         best: Vec::new(),
     });
-    output::write_file(&out.join("report.html"), true, page.finish().as_bytes())?;
+    output::replace_listed(out, "report.html", page.finish().as_bytes())?;
     Ok(())
 }
 
@@ -182,10 +183,10 @@ fn embedded(out: &Path, row: &Row, what: &str) -> Option<EmbeddedPicture> {
     let name = row.pictures.get(what)?;
     let inside = Path::new(name).components().all(|c| matches!(c, Component::Normal(_)));
     let path = out.join(name);
-    if !inside || std::fs::metadata(&path).ok()?.len() > MAX_PICTURE {
+    if !inside {
         return None;
     }
-    let bytes = std::fs::read(path).ok()?;
+    let bytes = read_regular(&path, MAX_PICTURE).ok()?;
     let (width, height) =
         image::ImageReader::new(std::io::Cursor::new(&bytes)).with_guessed_format().ok()?.into_dimensions().ok()?;
     Some(EmbeddedPicture { width: width as usize, height: height as usize, zoom: 3, kind: "image/png", bytes })

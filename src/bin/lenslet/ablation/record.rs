@@ -6,6 +6,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
+use lenslet_core::input::read_regular;
+use lenslet_core::output;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -104,11 +106,7 @@ impl Record {
 /// # Errors
 /// A file that cannot be read, or is not such a file.
 pub fn read(path: &Path) -> Result<Vec<Record>> {
-    let length = fs::metadata(path).with_context(|| path.display().to_string())?.len();
-    if length > MAX_BYTES {
-        bail!("{}: {length} bytes are too many", path.display());
-    }
-    let bytes = fs::read(path).with_context(|| path.display().to_string())?;
+    let bytes = read_regular(path, MAX_BYTES).with_context(|| path.display().to_string())?;
     let mut records = Vec::new();
     for line in bytes.split_inclusive(|&b| b == b'\n') {
         if !line.ends_with(b"\n") {
@@ -126,16 +124,19 @@ pub struct Log {
     path: PathBuf,
     file: File,
     keys: HashSet<String>,
+    lock: File,
 }
 
 impl Log {
-    /// Opens the log of an ablation's folder; makes the folder when there is none.
+    /// Opens the log of an ablation's folder for this run alone; makes the folder when there is none. Nothing that is
+    /// in it is lost.
     ///
     /// # Errors
-    /// A folder with something else in it (unless `force`), or one that cannot be written.
-    pub fn open(out: &Path, force: bool) -> Result<Log> {
+    /// A folder with something else in it, or with runs of other sizes than those of `settings` (unless `force`); one
+    /// that another run has, or that cannot be written.
+    pub fn open(out: &Path, settings: &Settings, force: bool) -> Result<Log> {
         let path = out.join(FILE);
-        let exists = path.exists();
+        let exists = path.symlink_metadata().is_ok();
         if !exists && !force && out.exists() && (!out.is_dir() || fs::read_dir(out)?.next().is_some()) {
             bail!(
                 "{} exists already and is not an ablation to go on with; choose another name or add --force",
@@ -143,14 +144,36 @@ impl Log {
             );
         }
         fs::create_dir_all(out).with_context(|| format!("cannot write {}", out.display()))?;
+        let lock = output::lock_folder(out)?;
         let mut keys = HashSet::new();
         let mut whole = 0;
         if exists {
-            keys = read(&path)?.into_iter().filter(|r| r.failed.is_none()).map(|r| r.key).collect();
-            let bytes = fs::read(&path)?;
+            if path.symlink_metadata().is_ok_and(|m| m.is_symlink()) {
+                bail!("{} is a link; it is not followed", path.display());
+            }
+            let bytes = read_regular(&path, MAX_BYTES).with_context(|| path.display().to_string())?;
+            let records = read(&path)?;
+            // A file without a run is lenslet's own only where its folder says so.
+            let begun = bytes.is_empty() || bytes.starts_with(b"{\"key\":");
+            if records.is_empty() && !(begun && output::is_listed(out, FILE)) {
+                bail!("{} holds no runs and is not lenslet's own; choose another folder, or remove it yourself", path.display());
+            }
+            let same = |r: &Record| {
+                r.parameters["quick"] == settings.quick && r.parameters["size"] == serde_json::json!(settings.size())
+            };
+            if !force && !records.iter().all(same) {
+                bail!(
+                    "{} holds runs of other sizes; go on with the same parameters, choose another folder, or add --force to add to it",
+                    out.display()
+                );
+            }
+            keys = records.into_iter().filter(|r| r.failed.is_none()).map(|r| r.key).collect();
             whole = bytes.iter().rposition(|&b| b == b'\n').map_or(0, |at| at + 1) as u64;
         }
-        let file = OpenOptions::new().create(true).append(true).open(&path);
+        if !exists {
+            output::replace_listed(out, FILE, b"")?;
+        }
+        let file = OpenOptions::new().append(true).open(&path);
         let file = file.with_context(|| format!("cannot write {}", path.display()))?;
         // A line cut off by a killed run is removed.
         if exists {
@@ -159,7 +182,12 @@ impl Log {
         // After the log, which marks the folder as one to go on with.
         let pictures = out.join("pictures");
         fs::create_dir_all(&pictures).with_context(|| format!("cannot write {}", pictures.display()))?;
-        Ok(Log { path, file, keys })
+        Ok(Log { path, file, keys, lock })
+    }
+
+    /// The folder's lock, to be held while anything else is written into it.
+    pub fn into_lock(self) -> File {
+        self.lock
     }
 
     /// Where the lines are.
@@ -209,7 +237,7 @@ mod tests {
     fn lines_come_back_and_a_torn_one_is_dropped() {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("a");
-        let mut log = Log::open(&out, false).unwrap();
+        let mut log = Log::open(&out, &Settings::default(), false).unwrap();
         let scored =
             Scored { scores: [("psnr".to_owned(), 30.5), ("nan".into(), f64::NAN)].into(), ..Scored::default() };
         let good = Record::new(&run(1), Ok(scored), 1.0, &Settings::default());
@@ -223,7 +251,7 @@ mod tests {
         // Torn in the middle of a third line, which is dropped; the next one follows the second.
         let mut file = OpenOptions::new().append(true).open(out.join(FILE)).unwrap();
         file.write_all(b"{\"key\": \"12").unwrap();
-        let mut log = Log::open(&out, false).unwrap();
+        let mut log = Log::open(&out, &Settings::default(), false).unwrap();
         assert!(log.has(&good.key) && !log.has(&bad.key));
         log.append(&good).unwrap();
         assert_eq!(read(&out.join(FILE)).unwrap().len(), 3);
@@ -233,9 +261,9 @@ mod tests {
     fn a_folder_of_something_else_is_refused() {
         let dir = tempfile::tempdir().unwrap();
         fs::write(dir.path().join("letter.txt"), "dear").unwrap();
-        assert!(Log::open(dir.path(), false).is_err());
-        assert!(Log::open(dir.path(), true).is_ok());
+        assert!(Log::open(dir.path(), &Settings::default(), false).is_err());
+        assert!(Log::open(dir.path(), &Settings::default(), true).is_ok());
         fs::write(dir.path().join(FILE), "no run\n").unwrap();
-        assert!(Log::open(dir.path(), false).is_err());
+        assert!(Log::open(dir.path(), &Settings::default(), false).is_err());
     }
 }

@@ -4,10 +4,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::ablation::{self, Experiment, Record, Settings, compare, orderings, page, record, table};
-use lenslet_core::output;
+use lenslet_core::output::{self, Kind};
 use serde_json::json;
 
-use super::written::refuse_existing;
+use super::written::check_output;
 use super::{Context, Outcome, Usage};
 
 /// Run the paper's experiments: tables, pictures and a report
@@ -56,7 +56,8 @@ pub struct Args {
     /// Also write the tables as a Markdown page with command, machine and date
     #[arg(long, value_name = "FILE")]
     results: Option<PathBuf>,
-    /// Write into a folder that holds something else; replace the file of --results
+    /// Write into a folder that holds something else, or runs of other parameters (what is there stays); replace the
+    /// file of --results
     #[arg(long)]
     force: bool,
 }
@@ -88,24 +89,28 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     }
     // Before the work rather than after it.
     if let Some(path) = &args.results {
-        refuse_existing(path, args.force)?;
+        let mut inputs: Vec<&Path> = args.whites.iter().chain(&args.captures).chain(&args.photos).map(PathBuf::as_path).collect();
+        inputs.extend(args.truth.as_deref().into_iter().chain(args.against.as_deref()));
+        inputs.extend(args.peer.iter().map(|p| p.1.as_path()));
+        check_output(path, Kind::File, args.force, &inputs)?;
     }
     let old = args.against.as_deref().map(read_records_of).transpose()?;
-    let done = ablation::run(&args.out, &settings, args.force, &context.progress)?;
+    // Held to the end, so that two runs never write into one folder.
+    let (done, _lock) = ablation::run(&args.out, &settings, args.force, &context.progress)?;
 
     let records = ablation::records(&args.out, &settings)?;
     let tables = table::tabulate(&records);
     let verdicts = orderings::judge_orderings(&records);
     let about = provenance(&records);
     ablation::write_tables(&args.out, &tables)?;
-    output::write_file(&args.out.join("orderings.json"), true, &serde_json::to_vec_pretty(&verdicts)?)?;
+    output::replace_listed(&args.out, "orderings.json", &serde_json::to_vec_pretty(&verdicts)?)?;
     page::write_page(&args.out, &tables, &verdicts, &about)?;
     if let Some(path) = &args.results {
         output::write_file(path, args.force, results_page(&tables, &verdicts, &about).as_bytes())?;
     }
     let changes = old.map(|old| compare::compare_runs(&old, &records));
     if let Some(changes) = &changes {
-        output::write_file(&args.out.join("against.json"), true, &serde_json::to_vec_pretty(changes)?)?;
+        output::replace_listed(&args.out, "against.json", &serde_json::to_vec_pretty(changes)?)?;
     }
     let broken = orderings::broken_orderings(&verdicts, &records);
     if args.check && !broken.is_empty() {

@@ -27,7 +27,7 @@ pub fn watch(mib: usize) -> std::io::Result<()> {
                     progress::interrupt();
                 }
                 if now > mib + GRACE {
-                    eprintln!("lenslet: {}", message(mib, now));
+                    super::streams::tell(&format!("lenslet: {}", message(mib, now)));
                     std::process::exit(1);
                 }
             }

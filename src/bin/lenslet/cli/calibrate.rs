@@ -7,11 +7,11 @@ use lenslet::image_io::Picture;
 use lenslet_core::calibration::{self, Calibration, CalibrationOptions, CalibrationVariant, paper};
 use lenslet_core::container::Capture;
 use lenslet_core::container::whites::{self, CalibrationImage, ExposureClass};
-use lenslet_core::output;
+use lenslet_core::output::{self, Kind};
 use lenslet_core::progress::{Observer, Silent};
 use serde_json::{Value, json};
 
-use super::written::refuse_existing;
+use super::written::check_output;
 use super::{Context, Outcome};
 use crate::report::calibration_figures;
 
@@ -68,11 +68,15 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         return bundle(args, place, context);
     }
     let pictures = args.picture.as_deref().map(pictures_of).unwrap_or_default();
-    for path in pictures.iter().chain(&args.dump).chain([&args.out]) {
-        refuse_existing(path, args.force)?;
-    }
     let whites = args.from_captures.is_empty();
     let given = if whites { &args.whites } else { &args.from_captures };
+    let inputs: Vec<&Path> = given.iter().chain(&args.black).map(PathBuf::as_path).collect();
+    for path in pictures.iter().chain([&args.out]) {
+        check_output(path, Kind::File, args.force, &inputs)?;
+    }
+    if let Some(folder) = &args.dump {
+        check_output(folder, Kind::Directory, args.force, &inputs)?;
+    }
     let (paths, captures) = calibration::open_captures(given, args.profile.as_deref(), &context.progress)?;
     let options = CalibrationOptions {
         variant: args.variant,
@@ -125,7 +129,7 @@ fn write_picture(path: &Path, force: bool, picture: Picture) -> anyhow::Result<(
 
 /// One calibration for each body, zoom and focus among the white images of a folder, bundle or archive.
 fn bundle(args: &Args, place: &Path, context: &Context) -> anyhow::Result<Outcome> {
-    refuse_existing(&args.out, args.force)?;
+    check_output(&args.out, Kind::Directory, args.force, &[place])?;
     let found = whites::list_calibration_images(place)?;
     for warning in &found.warnings {
         context.progress.note(warning);

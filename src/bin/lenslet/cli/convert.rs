@@ -29,6 +29,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
+    args.written.check(&[&args.source.input])?;
     let source = lightfield::open(&args.source.input, &args.source.options())?;
     let mut meta = source.meta().clone();
     let [rows, columns] = args.crop_views.unwrap_or(meta.views);

@@ -3,23 +3,27 @@
 mod choose;
 mod inputs;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Context as _;
 use lenslet_core::calibration::Calibration;
 use lenslet_core::container::{self, Capture};
-use lenslet_core::decode::{self, Demosaic, HexSamples, RawStep, SAMPLES_FILE, ViewStep, WhiteBalance};
+use lenslet_core::decode::{
+    self, Demosaic, HexSamples, RawStep, SAMPLES_FILE, SamplesOrigin, ViewStep, WhiteBalance, samples_beside,
+    view_fingerprint,
+};
+use lenslet_core::output::Kind;
 use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
-use lenslet_core::lightfield::{self, Meta, View};
+use lenslet_core::lightfield::{self, Format, Meta, View};
 use lenslet_core::progress::Observer;
 use lenslet_views::{Learned, Method, Renderer, native_size};
 use serde_json::{Value, json};
 
 use super::learned::LearnedArgs;
-use super::written::{Written, refuse_existing};
+use super::written::{Written, check_output, kind_of};
 use super::{Context, Outcome, Usage, dict};
 use choose::CalibrationStore;
 use inputs::Job;
@@ -261,8 +265,18 @@ impl Args {
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     args.check()?;
     let (jobs, several) = inputs::jobs(&args.captures, &args.written)?;
-    if !several {
-        refuse_existing(&args.written.out, args.written.force)?;
+    let mut inputs: Vec<&Path> = args.captures.iter().map(PathBuf::as_path).collect();
+    inputs.extend(args.calibration.as_deref().into_iter().chain(args.learned.dictionary.as_deref()));
+    if several {
+        // Results are added to a folder, whatever else is in it.
+        anyhow::ensure!(
+            args.written.out.is_dir() || args.written.out.symlink_metadata().is_err(),
+            "{} is a file; several light fields need a folder",
+            args.written.out.display()
+        );
+    } else {
+        args.written.check(&inputs)?;
+        check_samples(args, &jobs[0], &inputs)?;
     }
     let method = args.method()?;
     let mut store = CalibrationStore::open(args.calibration.as_deref(), context)?;
@@ -275,7 +289,8 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
             skipped.push(job);
             continue;
         }
-        match decode_one(args, &method, job, &mut store, context) {
+        let allowed = if several { check_job(args, job, &inputs) } else { Ok(()) };
+        match allowed.and_then(|()| decode_one(args, &method, job, &mut store, context)) {
             Ok(report) => done.push(report),
             Err(e) if !several || context.progress.cancelled() || e.is::<Usage>() => return Err(e),
             Err(e) => {
@@ -300,6 +315,25 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     Ok(Outcome { json: json!({ "decoded": done, "skipped": skipped, "failed": [] }), text: summary })
 }
 
+/// Whether one of several results may be written, before the work for it.
+fn check_job(args: &Args, job: &Job, inputs: &[&Path]) -> anyhow::Result<()> {
+    check_output(&job.out, kind_of(job.format), args.written.force, inputs)?;
+    check_samples(args, job, inputs)
+}
+
+/// Whether the samples beside a light field that is one file may be written.
+fn check_samples(args: &Args, job: &Job, inputs: &[&Path]) -> anyhow::Result<()> {
+    if !args.no_samples && job.format != Format::Directory {
+        check_output(&samples_beside(&job.out), Kind::File, replaces_samples(args, job), inputs)?;
+    }
+    Ok(())
+}
+
+/// Samples without their light field are the remains of a killed run.
+fn replaces_samples(args: &Args, job: &Job) -> bool {
+    args.written.force || std::fs::symlink_metadata(&job.out).is_err()
+}
+
 /// Decodes one capture.
 fn decode_one(
     args: &Args,
@@ -321,6 +355,7 @@ fn decode_one(
     let samples = decode::sample_views(&capture, calibration, &options, progress)
         .with_context(|| job.capture.display().to_string())?;
     let meta = describe_views(args, job, &capture, calibration, &samples, &options, &reason);
+    let source = capture.source_sha256.clone();
     drop(capture);
     let sampled = started.elapsed();
     let size = meta.size;
@@ -328,21 +363,29 @@ fn decode_one(
     let target = Size { width: size[1], height: size[0] };
     let renderer = Renderer::prepare(&samples, method, target, progress)?;
     let mut writing = std::time::Duration::ZERO;
+    let mut origin = SamplesOrigin { capture_sha256: source, middle_view: None };
     let mut put = |v: usize, u: usize, view: View| -> anyhow::Result<()> {
         let begin = Instant::now();
-        if args.written.linear {
-            sink.write(v, u, view.pixels())?;
+        let encoded;
+        let view = if args.written.linear {
+            view.pixels()
         } else {
-            sink.write(v, u, view.encode().pixels())?;
+            encoded = view.encode();
+            encoded.pixels()
+        };
+        if [v, u] == [args.views / 2; 2] {
+            origin.middle_view = Some(view_fingerprint(view));
         }
+        sink.write(v, u, view)?;
         writing += begin.elapsed();
         Ok(())
     };
     renderer.render_all(&mut put)?;
     progress.check()?;
-    let kept = if args.no_samples { None } else { Some(keep_samples(args, job, &*sink, &samples)?) };
+    let kept = if args.no_samples { None } else { Some(keep_samples(args, job, &*sink, &samples, &origin)?) };
     let begin = Instant::now();
     sink.finish()?;
+    writing += begin.elapsed();
     let total = started.elapsed();
     Ok(json!({
         "capture": job.capture.display().to_string(),
@@ -355,9 +398,10 @@ fn decode_one(
         "samples": kept,
         "seconds": {
             "read": read.as_secs_f64(),
-            "sample": (sampled - read).as_secs_f64(),
-            "render": (total - sampled - writing - begin.elapsed()).as_secs_f64(),
-            "encode_and_write": (writing + begin.elapsed()).as_secs_f64(),
+            "sample": sampled.saturating_sub(read).as_secs_f64(),
+            // A clock that stood still or jumped gives odd times, nothing else.
+            "render": total.saturating_sub(sampled).saturating_sub(writing).as_secs_f64(),
+            "encode_and_write": writing.as_secs_f64(),
             "total": total.as_secs_f64(),
         },
     }))
@@ -369,15 +413,14 @@ fn keep_samples(
     job: &Job,
     sink: &dyn lightfield::ViewSink,
     samples: &HexSamples,
+    origin: &SamplesOrigin,
 ) -> anyhow::Result<String> {
     if let Some(folder) = sink.folder() {
-        samples.write(&folder.join(SAMPLES_FILE))?;
+        samples.save_of(&folder.join(SAMPLES_FILE), false, origin)?;
         return Ok(job.out.join(SAMPLES_FILE).display().to_string());
     }
-    let path = job.out.with_extension(SAMPLES_FILE);
-    // Samples without their light field are the remains of a killed run.
-    let left = std::fs::symlink_metadata(&job.out).is_err();
-    samples.save(&path, args.written.force || left)?;
+    let path = samples_beside(&job.out);
+    samples.save_of(&path, replaces_samples(args, job), origin)?;
     Ok(path.display().to_string())
 }
 

@@ -5,17 +5,24 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use lenslet::apps::depth;
 use lenslet::image_io::{self, Picture};
-use lenslet_core::output::Pending;
+use lenslet_core::input::{open_regular, read_regular};
+use lenslet_core::output::{Kind, Pending, write_part};
 use lenslet_core::pfm;
 use lenslet_core::progress::Observer;
 use lenslet_views::disparity::{self, DepthOrder};
 use lenslet_views::multiview::depth_order_of;
 use ndarray::{Array2, s};
+use ndarray_npy::ReadNpyExt as _;
 use serde_json::{Value, json};
 
 use super::refocus::load;
 use super::values::parse_views;
+use super::written::check_output;
 use super::{Context, Outcome, Usage};
+
+/// Longest file of true disparities that is read, bytes.
+/// Source: chosen.
+const MAX_TRUTH: u64 = 1 << 30;
 
 /// Disparity and confidence of a light field's middle view: PFM, 16-bit PNG, colour picture, point cloud
 #[derive(Debug, clap::Args)]
@@ -72,6 +79,9 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if !(0.0..=1.0).contains(&args.specks) {
         return Err(Usage(format!("--specks must be 0 to 1, not {}", args.specks)).into());
     }
+    let mut inputs = vec![args.light_field.as_path()];
+    inputs.extend(args.truth.as_deref());
+    check_output(&args.out, Kind::Directory, args.force, &inputs)?;
     context.progress.begin("reading", 0);
     let field = load(&args.light_field, args.views)?;
     context.progress.check()?;
@@ -103,7 +113,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     }
     let pending = Pending::directory(&args.out, args.force)?;
     let write = |name: &str, bytes: Vec<u8>| {
-        std::fs::write(pending.path().join(name), bytes)
+        write_part(&pending.path().join(name), &bytes)
             .with_context(|| format!("cannot write {}", args.out.join(name).display()))
     };
     write("disparity.pfm", pfm::to_bytes(found.disparity.view()))?;
@@ -127,9 +137,10 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
 fn compare(path: &Path, args: &Args, found: &disparity::Disparity) -> anyhow::Result<Value> {
     let name = path.display();
     let mut truth: Array2<f32> = if super::refocus::ending(path) == "npy" {
-        ndarray_npy::read_npy(path).with_context(|| format!("{name} is not an .npy of two dimensions of f32"))?
+        let (file, _) = open_regular(path).with_context(|| format!("cannot read {name}"))?;
+        Array2::read_npy(file).with_context(|| format!("{name} is not an .npy of two dimensions of f32"))?
     } else {
-        pfm::from_bytes(&std::fs::read(path).with_context(|| format!("cannot read {name}"))?)
+        pfm::from_bytes(&read_regular(path, MAX_TRUTH).with_context(|| format!("cannot read {name}"))?)
             .with_context(|| format!("{name}"))?
     };
     truth.mapv_inplace(|d| d * args.truth_scale);

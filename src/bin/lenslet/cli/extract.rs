@@ -3,10 +3,12 @@
 use std::path::PathBuf;
 
 use lenslet_core::container::extract;
+use lenslet_core::output::Kind;
 use lenslet_core::progress::Observer;
 use serde_json::json;
 
 use super::info::clean;
+use super::written::check_output;
 use super::{Context, Outcome};
 
 /// Take out everything a container, calibration bundle (data.C.n) or .tar archive holds
@@ -28,6 +30,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
+    check_output(&args.out, Kind::Directory, args.force, &[&args.file])?;
     let (files, warnings) = extract::extract(&args.file, &args.out, args.force, &context.progress)?;
     for warning in &warnings {
         context.progress.note(&clean(warning));

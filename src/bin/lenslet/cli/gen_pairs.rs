@@ -1,16 +1,17 @@
 //! `lenslet gen-pairs`: training pairs out of photos.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use lenslet_core::dictionary::Footprint;
 use lenslet_core::lightfield::ColourSpace;
+use lenslet_core::output::Kind;
 use lenslet_core::progress::Observer;
 use lenslet_data_gen::pairs::{self, Crop, CropOptions, Degradation, Manifest, PatchOptions};
 use lenslet_data_gen::photo::PhotoSet;
 use serde_json::json;
 
 use super::values::FootprintName;
-use super::written::refuse_existing;
+use super::written::check_output;
 use super::{Context, Outcome, Usage};
 
 /// Cut training pairs out of photos
@@ -64,13 +65,14 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
-    refuse_existing(&args.out, args.force)?;
     if !(1..=10_000_000).contains(&args.pairs)
         || !(1..=10_000).contains(&args.crops)
         || !(32..=4096).contains(&args.crop)
     {
         return Err(Usage("--pairs up to 10000000, --crops 1 to 10000, --crop 32 to 4096".into()).into());
     }
+    let inputs: Vec<&Path> = args.photos.iter().map(PathBuf::as_path).collect();
+    check_output(&args.out, Kind::Directory, args.force, &inputs)?;
     let footprint = Footprint::from(args.footprint);
     let degradation = Degradation { footprint, noise: args.noise, ..Degradation::default() };
     let options =

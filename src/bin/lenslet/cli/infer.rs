@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use lenslet_core::decode::{HexSamples, find_samples_file};
 use lenslet_core::dictionary::Footprint;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{self, Meta, ViewOrigin};
@@ -11,7 +10,7 @@ use lenslet_views::reconstruct::{self, Enlargement, Options, Reconstructor};
 use serde_json::json;
 
 use super::learned::LearnedArgs;
-use super::source::{SourceArgs, file_name};
+use super::source::{SourceArgs, file_name, measured_samples};
 use super::written::Written;
 use super::{Context, Outcome, Usage, dict};
 
@@ -46,6 +45,9 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         return Err(Usage("--scale must be 1 to 16".into()).into());
     }
     args.learned.check()?;
+    let mut inputs = vec![args.source.input.as_path()];
+    inputs.extend(args.learned.dictionary.as_deref());
+    args.written.check(&inputs)?;
     let source = lightfield::open(&args.source.input, &args.source.options())?;
     let mut meta = source.meta().clone();
     let footprint = args.learned.footprint();
@@ -94,7 +96,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let samples = if scale == 1.0
         && matches!(source.meta().method, Some(ViewOrigin::Interpolated(i)) if i != Interpolation::Bicubic)
     {
-        measured_samples(args)?
+        measured_samples(&args.source.input, &*source, args.without_samples)?
     } else {
         None
     };
@@ -129,12 +131,4 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
 fn embedded_name(meta: &Meta) -> &'static str {
     let refined = meta.method == Some(Interpolation::Multiview.into());
     reconstruct::embedded_name_for(if refined { Interpolation::Multiview } else { Interpolation::Barycentric })
-}
-
-/// The samples that decode left with the light field.
-fn measured_samples(args: &Args) -> anyhow::Result<Option<HexSamples>> {
-    match find_samples_file(&args.source.input) {
-        Some(path) if !args.without_samples => Ok(Some(HexSamples::load(&path)?)),
-        _ => Ok(None),
-    }
 }

@@ -1,6 +1,5 @@
 //! `lenslet info`: what a file or folder is, by its content.
 
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -12,6 +11,7 @@ use lenslet_core::container::{
     whites,
 };
 use lenslet_core::dictionary;
+use lenslet_core::input::open_regular;
 use lenslet_core::lightfield::{self, ReadOptions};
 use lenslet_core::progress::Observer;
 use serde_json::{Map, Value, json};
@@ -52,8 +52,8 @@ fn describe(args: &Args) -> anyhow::Result<Value> {
     }
     let mut head = [0u8; 512];
     let mut n = 0;
-    if meta.is_file() {
-        let mut file = File::open(path).with_context(unreadable)?;
+    {
+        let (mut file, _) = open_regular(path).with_context(unreadable)?;
         while n < head.len() {
             match file.read(&mut head[n..]).with_context(unreadable)? {
                 0 => break,
@@ -274,7 +274,7 @@ fn folder(path: &Path, args: &Args) -> anyhow::Result<Value> {
 
 fn metadata_facts(path: &Path) -> anyhow::Result<Value> {
     let mut bytes = Vec::new();
-    File::open(path)?.take(find::MAX_TEXT as u64 + 1).read_to_end(&mut bytes)?;
+    open_regular(path)?.0.take(find::MAX_TEXT as u64 + 1).read_to_end(&mut bytes)?;
     let value = find::parse(&bytes).map_err(|e| anyhow::anyhow!("{}: {e}", path.display()))?;
     let (facts, warnings) = metadata::read_frame(&value, None);
     let known = facts != metadata::FrameFacts::default();

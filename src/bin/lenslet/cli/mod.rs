@@ -20,6 +20,8 @@ mod refocus;
 mod score;
 mod simulate;
 mod source;
+mod streams;
+mod threads;
 mod train_dict;
 mod train_report;
 mod values;
@@ -33,6 +35,7 @@ use clap::{Parser, Subcommand};
 pub use context::{Context, Outcome, Usage};
 use lenslet_core::progress::Observer as _;
 use progress::Progress;
+use streams::tell;
 
 #[derive(Debug, Parser)]
 #[command(
@@ -80,6 +83,16 @@ enum Command {
     View(view::Args),
 }
 
+impl Command {
+    /// Whether it multiplies matrices, which takes addresses.
+    fn multiplies(&self) -> bool {
+        !matches!(
+            self,
+            Command::Info(_) | Command::Extract(_) | Command::Convert(_) | Command::Dict(_) | Command::Score(_)
+        )
+    }
+}
+
 fn dispatch(command: &Command, context: &Context) -> anyhow::Result<Outcome> {
     match command {
         Command::Demo(a) => demo::run(a, context),
@@ -104,55 +117,74 @@ fn dispatch(command: &Command, context: &Context) -> anyhow::Result<Outcome> {
 }
 
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
-    let threads = cli.threads.map_or(0, usize::from);
-    if let Err(e) = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global() {
-        eprintln!("lenslet: cannot start threads: {e}");
+    progress::watch_interrupts();
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(e) if e.use_stderr() => {
+            tell(e.render().to_string().trim_end());
+            return ExitCode::from(2);
+        }
+        // Help and version are answers.
+        Err(e) => return told(e.render().to_string().as_str()),
+    };
+    if let Err(why) = threads::start(cli.threads.map(usize::from), cli.command.multiplies()) {
+        tell(&format!("lenslet: {why}"));
         return ExitCode::from(1);
     }
     let context = Context { progress: Progress::new(cli.quiet) };
     let memory = cli.memory.map(|mib| mib as usize);
     if let Some(Err(e)) = memory.map(budget::watch) {
-        eprintln!("lenslet: cannot watch --memory: {e}");
+        tell(&format!("lenslet: cannot watch --memory: {e}"));
         return ExitCode::from(1);
     }
     let result = dispatch(&cli.command, &context);
     context.progress.clear();
+    // These leave nothing behind that could count as done.
+    let reads_only = matches!(cli.command, Command::Info(_) | Command::Score(_));
     match result {
-        Ok(outcome) => {
-            use std::io::Write;
-            let text = if cli.json { outcome.json.to_string() } else { outcome.text };
-            let mut out = std::io::stdout().lock();
-            // A closed pipe is not an error.
-            let _ = if text.is_empty() { Ok(()) } else { writeln!(out, "{}", text.trim_end()) };
-            ExitCode::SUCCESS
-        }
+        Ok(_) if reads_only && context.progress.cancelled() => interrupted(),
+        Ok(outcome) => told(&if cli.json { outcome.json.to_string() } else { outcome.text }),
         Err(e) => {
             if let Some(why) = budget::exceeded(memory) {
-                eprintln!("lenslet: {why}");
+                tell(&format!("lenslet: {why}"));
                 return ExitCode::from(1);
             }
-            let code = if context.progress.cancelled() {
-                130
-            } else if e.chain().any(|c| c.is::<Usage>()) {
-                2
-            } else {
-                1
-            };
-            // One line: causes joined, line breaks flattened, no cause twice.
-            let mut line = String::new();
-            for cause in e.chain() {
-                let text = cause.to_string().replace(['\n', '\r'], " ");
-                if !line.contains(&text) {
-                    if !line.is_empty() {
-                        line.push_str(": ");
-                    }
-                    line.push_str(&text);
-                }
+            if context.progress.cancelled() {
+                return interrupted();
             }
-            let line = if code == 130 { "interrupted".to_owned() } else { line };
-            eprintln!("lenslet: {line}");
-            ExitCode::from(code)
+            tell(&format!("lenslet: {}", one_line(&e)));
+            ExitCode::from(if e.chain().any(|c| c.is::<Usage>()) { 2 } else { 1 })
         }
     }
+}
+
+fn interrupted() -> ExitCode {
+    tell("lenslet: interrupted");
+    ExitCode::from(130)
+}
+
+/// Prints the answer; one that is lost is a failure, though what was written to files stays.
+fn told(answer: &str) -> ExitCode {
+    match streams::answer(answer) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            tell(&format!("lenslet: the answer cannot be written to standard output: {e}"));
+            ExitCode::from(1)
+        }
+    }
+}
+
+/// An error's causes in one line: line breaks flattened, no cause twice.
+fn one_line(error: &anyhow::Error) -> String {
+    let mut line = String::new();
+    for cause in error.chain() {
+        let text = cause.to_string().replace(['\n', '\r'], " ");
+        if !line.contains(&text) {
+            if !line.is_empty() {
+                line.push_str(": ");
+            }
+            line.push_str(&text);
+        }
+    }
+    line
 }

@@ -3,15 +3,38 @@
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use lenslet_core::progress::Observer;
+
+use super::streams::tell;
+
+/// How long interrupted work may take to notice it, before the process ends all the same: an input that no longer answers
+/// cannot be waited for.
+/// Source: chosen; the longest step between two looks takes a second on a slow machine.
+const PATIENCE: Duration = Duration::from_secs(10);
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// Asks the work to end, as the first Ctrl-C does.
 pub fn interrupt() {
     INTERRUPTED.store(true, Ordering::SeqCst);
+}
+
+/// Installs the Ctrl-C handler: the first asks the work to end, which is given [`PATIENCE`]; the second ends the process.
+/// What an ended process leaves unfinished, the next run removes.
+pub fn watch_interrupts() {
+    let _ = ctrlc::set_handler(|| {
+        if INTERRUPTED.swap(true, Ordering::SeqCst) {
+            std::process::exit(130);
+        }
+        let _ = std::thread::Builder::new().name("interrupt".into()).spawn(|| {
+            std::thread::sleep(PATIENCE);
+            tell("lenslet: interrupted");
+            std::process::exit(130);
+        });
+    });
 }
 
 /// The command line's observer.
@@ -21,13 +44,8 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Also installs the Ctrl-C handler: the first asks the work to end, the second ends the process.
+    /// An observer that shows nothing when quiet.
     pub fn new(quiet: bool) -> Self {
-        let _ = ctrlc::set_handler(|| {
-            if INTERRUPTED.swap(true, Ordering::SeqCst) {
-                std::process::exit(130);
-            }
-        });
         Progress { quiet, bar: Mutex::new(None) }
     }
 
@@ -73,9 +91,9 @@ impl Observer for Progress {
         match self.bar.lock() {
             Ok(bar) => match bar.as_ref() {
                 Some(bar) if !bar.is_hidden() => bar.println(text),
-                _ => eprintln!("{text}"),
+                _ => tell(text),
             },
-            Err(_) => eprintln!("{text}"),
+            Err(_) => tell(text),
         }
     }
 

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use lenslet_core::decode::{HexSamples, find_samples_file};
+use lenslet_core::decode::HexSamples;
 use lenslet_core::geometry::Size;
 use lenslet_core::lightfield::{self, ColourSpace, LightField, colour};
 use lenslet_core::progress::Observer as _;
@@ -11,7 +11,7 @@ use lenslet_views::reconstruct::Enlargement;
 use ndarray::Array3;
 use serde_json::json;
 
-use super::source::SourceArgs;
+use super::source::{SourceArgs, measured_samples};
 use super::written::Written;
 use super::{Context, Outcome, Usage};
 
@@ -46,14 +46,16 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if args.scale.is_some_and(|s| !(1.0..=8.0).contains(&s)) {
         return Err(Usage("--scale must be 1 to 8".into()).into());
     }
+    args.written.check(&[&args.source.input])?;
     let read = args.source.options();
-    let given = match find_samples_file(&args.source.input) {
-        Some(path) if !args.without_samples => Given::Samples(HexSamples::load(&path)?),
-        _ => Given::Field(lightfield::load(&args.source.input, &read)?),
+    let source = lightfield::open(&args.source.input, &read)?;
+    let given = match measured_samples(&args.source.input, &*source, args.without_samples)? {
+        Some(samples) => Given::Samples(samples),
+        None => Given::Field(lightfield::load(&args.source.input, &read)?),
     };
     let (mut meta, from, usual) = match &given {
         // The pixels themselves are not read.
-        Given::Samples(_) => (lightfield::open(&args.source.input, &read)?.meta().clone(), ColourSpace::Linear, 1.0),
+        Given::Samples(_) => (source.meta().clone(), ColourSpace::Linear, 1.0),
         Given::Field(field) => (field.meta.clone(), field.meta.colour, 2.0),
     };
     let scale = args.scale.unwrap_or(usual);

@@ -7,13 +7,14 @@ use lenslet::apps::refocus::{self, ApertureShape};
 use lenslet::apps::to_linear_light;
 use lenslet::image_io::{self, Picture, shrink};
 use lenslet_core::lightfield::{self, LightField, ReadOptions};
-use lenslet_core::output;
+use lenslet_core::output::{self, Kind};
 use lenslet_core::progress::Observer;
 use lenslet_views::disparity;
 use ndarray::{Array2, Array3};
 use serde_json::json;
 
 use super::values::parse_views;
+use super::written::check_output;
 use super::{Context, Outcome, Usage};
 
 /// Refocus a light field: one picture, a focal stack, or everything in focus
@@ -114,6 +115,12 @@ pub fn ending(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
 }
 
+/// Whether [`write_pictures`] may write there, before the work for it.
+pub fn check_pictures(out: &Path, force: bool, input: &Path) -> Result<(), output::Error> {
+    let kind = if matches!(ending(out).as_str(), "gif" | "apng" | "png") { Kind::File } else { Kind::Directory };
+    check_output(out, kind, force, &[input])
+}
+
 /// Writes pictures as one PNG, an animation (GIF, APNG), or a directory of numbered PNGs, by the ending of the name.
 pub fn write_pictures(out: &Path, force: bool, pictures: &[Picture], delay: u16, name: &str) -> anyhow::Result<()> {
     match ending(out).as_str() {
@@ -127,7 +134,7 @@ pub fn write_pictures(out: &Path, force: bool, pictures: &[Picture], delay: u16,
             let pending = output::Pending::directory(out, force)?;
             for (k, p) in pictures.iter().enumerate() {
                 let file = pending.path().join(format!("{name}_{k:03}.png"));
-                std::fs::write(&file, p.to_png()?).with_context(|| format!("cannot write {}", file.display()))?;
+                output::write_part(&file, &p.to_png()?).with_context(|| format!("cannot write {}", file.display()))?;
             }
             pending.commit()?;
         }
@@ -144,6 +151,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if many && ending(&args.out) == "png" {
         return Err(Usage("a sweep needs an --out that is a .gif, an .apng or a directory, not one .png".into()).into());
     }
+    check_pictures(&args.out, args.force, &args.light_field)?;
     context.progress.begin("reading", 0);
     let field = load(&args.light_field, args.views)?;
     context.progress.check()?;

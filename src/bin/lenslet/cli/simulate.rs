@@ -1,14 +1,15 @@
 //! `lenslet simulate`: a capture with known truth, from a drawn scene or from photos.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use lenslet_core::container::CameraProfile;
+use lenslet_core::output::Kind;
 use lenslet_data_gen::simulate::{
     self, Camera, LensletGrid, Optics, Scene, SceneName, SimulationOptions, TruthOptions,
 };
 use serde_json::json;
 
-use super::written::refuse_existing;
+use super::written::check_output;
 use super::{Context, Outcome, Usage};
 
 /// Simulate a capture of a lenslet camera, with white images and the truth
@@ -148,7 +149,8 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let truth = TruthOptions { views: args.views, view_step: args.view_step, size: args.size };
     // Everything that can be refused is refused before the long work begins.
     camera.check().and_then(|()| options.check()).and_then(|()| truth.check()).map_err(usage_or_failure)?;
-    refuse_existing(&args.out, args.force)?;
+    let inputs: Vec<&Path> = args.photo.iter().map(PathBuf::as_path).collect();
+    check_output(&args.out, Kind::Directory, args.force, &inputs)?;
     let observer = &context.progress;
     let scene = if args.photo.is_empty() {
         Scene::named(args.scene, &camera, args.disparity, args.seed, observer)

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use lenslet_core::lightfield::{ColourSpace, ReadOptions};
+use lenslet_core::decode::{HexSamples, SamplesOrigin, find_samples_file, samples_beside, view_fingerprint};
+use lenslet_core::lightfield::{ColourSpace, ReadOptions, ViewSource};
 
 use super::values::parse_views;
 
@@ -35,4 +36,25 @@ impl SourceArgs {
 /// The last part of a path.
 pub fn file_name(path: &Path) -> Option<String> {
     path.file_name().map(|n| n.to_string_lossy().into_owned())
+}
+
+/// The samples that decode left with a light field, where they are wanted.
+///
+/// # Errors
+/// When they cannot be read, or are not known to be those of this light field.
+pub fn measured_samples(input: &Path, source: &dyn ViewSource, without: bool) -> anyhow::Result<Option<HexSamples>> {
+    let Some(path) = find_samples_file(input).filter(|_| !without) else { return Ok(None) };
+    let [rows, columns] = source.meta().views;
+    let belongs = match SamplesOrigin::read(&path)?.and_then(|origin| origin.middle_view) {
+        Some(expected) => view_fingerprint(&source.read(rows / 2, columns / 2)?) == expected,
+        // Of an earlier version. One name was that of several light fields then.
+        None => input.is_dir() || path == samples_beside(input),
+    };
+    anyhow::ensure!(
+        belongs,
+        "{} are not known to be the samples of {}: decode the capture again, or leave them out with --without-samples",
+        path.display(),
+        input.display()
+    );
+    Ok(Some(HexSamples::load(&path)?))
 }

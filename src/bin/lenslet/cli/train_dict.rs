@@ -1,19 +1,23 @@
 //! `lenslet train-dict`: dictionaries learned from photos.
 
-use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use lenslet_core::dictionary::{self, Footprint};
 use lenslet_core::interpolation::Interpolation;
-use lenslet_core::output;
+use lenslet_core::input::read_text;
+use lenslet_core::output::{self, Kind};
 use lenslet_core::progress::Observer;
 use lenslet_train::{Algorithm, Coupling, KsvdUpdate, Parameters, train_dictionary, train_on_crops};
 use serde_json::json;
 
 use super::values::{AlgorithmName, FootprintName, KsvdUpdateName, TrainingBase};
-use super::written::refuse_existing;
+use super::written::check_output;
 use super::{Context, Outcome, Usage, train_report};
+
+/// Longest file of parameters that is read, bytes.
+/// Source: chosen.
+const MAX_PARAMETERS: u64 = 1 << 20;
 
 /// Learn a dictionary pair Dh/Dl from photos
 #[derive(Debug, clap::Args)]
@@ -99,7 +103,7 @@ pub struct Args {
     /// Go on from NAME.lfd.checkpoint
     #[arg(long)]
     resume: bool,
-    /// Replace an existing dictionary
+    /// Replace what an earlier training left: NAME.lfd and the files beside it
     #[arg(long)]
     force: bool,
 }
@@ -109,7 +113,7 @@ fn parameters(args: &Args) -> anyhow::Result<Parameters> {
         None => Parameters::default(),
         Some(path) => {
             let name = path.display();
-            let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {name}"))?;
+            let text = read_text(path, MAX_PARAMETERS).with_context(|| format!("cannot read {name}"))?;
             serde_json::from_str(&text).with_context(|| format!("{name} holds no training parameters"))?
         }
     };
@@ -171,6 +175,31 @@ fn parameters(args: &Args) -> anyhow::Result<Parameters> {
     Ok(p)
 }
 
+/// The log of a training: a line an epoch, all of it written again with each, so that it is whole at every moment.
+struct EpochLog<'a> {
+    path: &'a Path,
+    replace: bool,
+    text: String,
+}
+
+impl EpochLog<'_> {
+    /// Adds an epoch. Nothing is written before there is a checkpoint, so that training that is stopped before its first
+    /// one leaves nothing behind.
+    fn add(&mut self, epoch: &lenslet_train::Epoch, checkpoint: &Path) -> anyhow::Result<()> {
+        let mut line = serde_json::to_value(epoch)?;
+        line["tool"] = concat!("lenslet ", env!("CARGO_PKG_VERSION")).into();
+        self.text += &format!("{line}\n");
+        if checkpoint.exists() { self.write() } else { Ok(()) }
+    }
+
+    fn write(&mut self) -> anyhow::Result<()> {
+        output::write_file(self.path, self.replace, self.text.as_bytes())?;
+        // From now on it is this run's own.
+        self.replace = true;
+        Ok(())
+    }
+}
+
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let parameters = parameters(args)?;
     let beside = |ending: &str| {
@@ -185,25 +214,22 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     // Before minutes of training. A dictionary beside a checkpoint is of a run that was stopped between writing the one
     // and removing the other.
     let replace = args.force || args.resume;
-    refuse_existing(&args.out, replace)?;
-    // Opened with the first epoch: training that cannot begin leaves nothing behind.
-    let mut file = None;
+    let (plot, mosaic) = (beside(".plot.svg"), beside(".atoms.png"));
+    let mut inputs: Vec<&Path> = args.photos.iter().map(PathBuf::as_path).collect();
+    inputs.extend(args.parameters.as_deref().into_iter().chain(args.calibration.as_deref()));
+    if !replace && checkpoint.symlink_metadata().is_ok() {
+        anyhow::bail!(
+            "{} is of training that was interrupted: go on with --resume, or add --force to begin anew",
+            checkpoint.display()
+        );
+    }
+    for path in [&args.out, &checkpoint, &log, &plot, &mosaic] {
+        check_output(path, Kind::File, replace, &inputs)?;
+    }
+    let mut lines = EpochLog { path: &log, replace, text: String::new() };
     let mut lost = None;
     let mut line = |epoch: &lenslet_train::Epoch| {
-        let mut write = || -> std::io::Result<()> {
-            let file = match &mut file {
-                Some(file) => file,
-                None => {
-                    let mut open = std::fs::OpenOptions::new();
-                    // A resumed run begins with the epochs of its checkpoint.
-                    open.create(true).write(true).truncate(true);
-                    log.parent().map_or(Ok(()), std::fs::create_dir_all)?;
-                    file.insert(open.open(&log)?)
-                }
-            };
-            writeln!(file, "{}", serde_json::to_string(epoch).map_err(std::io::Error::other)?)
-        };
-        if let Err(e) = write() {
+        if let Err(e) = lines.add(epoch, &checkpoint) {
             lost = Some(e);
         }
     };
@@ -217,12 +243,14 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         train_dictionary(&args.photos, &parameters, Some(&checkpoint), args.resume, progress, &mut line)
     };
     let outcome = outcome?;
+    if let Err(e) = lines.write() {
+        lost = Some(e);
+    }
     dictionary::save(&args.out, &outcome.dictionary, replace)?;
     // Plots are optional: a note when they cannot be written.
-    let (plot, mosaic) = (beside(".plot.svg"), beside(".atoms.png"));
-    let pictures = output::write_file(&plot, true, train_report::convergence(&outcome.trace).as_bytes())
+    let pictures = output::write_file(&plot, replace, train_report::convergence(&outcome.trace).as_bytes())
         .map_err(anyhow::Error::from)
-        .and_then(|()| Ok(output::write_file(&mosaic, true, &train_report::mosaic(&outcome.dictionary)?.bytes)?));
+        .and_then(|()| Ok(output::write_file(&mosaic, replace, &train_report::mosaic(&outcome.dictionary)?.bytes)?));
     if let Err(e) = pictures {
         context.progress.note(&format!("no pictures of the run: {e:#}"));
     }
@@ -230,7 +258,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let _ = std::fs::remove_file(&checkpoint);
     // Only now, so that the dictionary is kept although the log could not be written.
     if let Some(e) = lost {
-        return Err(anyhow::Error::new(e).context(format!("cannot write {}", log.display())));
+        return Err(e.context(format!("cannot write {}", log.display())));
     }
 
     let bytes = std::fs::metadata(&args.out).map(|m| m.len()).unwrap_or(0);

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use lenslet::apps::viewer::{self, ViewerContent};
 use lenslet::image_io::shrink;
-use lenslet_core::output;
+use lenslet_core::output::{self, Kind};
 use lenslet_core::progress::Observer;
 use lenslet_views::disparity::{self, DepthOrder};
 use lenslet_views::multiview::depth_order_of;
@@ -13,6 +13,7 @@ use serde_json::json;
 
 use super::refocus::load;
 use super::values::parse_views;
+use super::written::check_output;
 use super::{Context, Outcome, Usage};
 
 /// One HTML file to refocus and move around in, offline, in any browser
@@ -58,6 +59,8 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if !(args.max_mb > 0.0 && args.max_mb <= 1000.0) {
         return Err(Usage("--max-mb must be above 0 and at most 1000".into()).into());
     }
+    let inputs: Vec<&Path> = args.light_fields.iter().map(PathBuf::as_path).collect();
+    check_output(&args.out, Kind::File, args.force, &inputs)?;
     let mut side = args.side as usize;
     let mut sets = Vec::new();
     let mut views = (0, 0);

@@ -9,7 +9,7 @@ use lenslet_views::disparity;
 use lenslet_views::multiview::depth_order_of;
 use serde_json::json;
 
-use super::refocus::{ending, load, write_pictures};
+use super::refocus::{check_pictures, ending, load, write_pictures};
 use super::values::parse_views;
 use super::{Context, Outcome, Usage};
 
@@ -58,6 +58,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if args.radius.is_some_and(|r| !(r.is_finite() && r > 0.0)) || args.hold.is_some_and(|d| !d.is_finite()) {
         return Err(Usage("--radius must be above 0, --hold a number".into()).into());
     }
+    check_pictures(&args.out, args.force, &args.light_field)?;
     context.progress.begin("reading", 0);
     let field = load(&args.light_field, args.views)?;
     context.progress.check()?;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use lenslet_core::lightfield::{ColourSpace, Format};
-use lenslet_core::output;
+use lenslet_core::output::{self, Kind};
 
 use super::values::FormatName;
 
@@ -45,6 +45,11 @@ impl Written {
         self.chosen().unwrap_or(Format::Directory)
     }
 
+    /// [`check_output`] of one light field.
+    pub fn check(&self, inputs: &[&Path]) -> Result<(), output::Error> {
+        check_output(&self.out, kind_of(self.format()), self.force, inputs)
+    }
+
     fn chosen(&self) -> Option<Format> {
         match (self.npy, self.mat, self.eslf) {
             (true, ..) => Some(Format::Npy),
@@ -60,12 +65,16 @@ impl Written {
     }
 }
 
-/// Refuses to replace what stands at `path`, unless `force`: before the work rather than after it.
-pub fn refuse_existing(path: &Path, force: bool) -> Result<(), output::Error> {
-    if !force && path.symlink_metadata().is_ok() {
-        return Err(output::Error::Exists(path.to_path_buf()));
-    }
-    Ok(())
+/// Refuses a place to write to before the work rather than after it: what stands there is replaced only where `force` is
+/// set and lenslet wrote it, and never where it is or holds one of `inputs`.
+pub fn check_output(path: &Path, kind: Kind, force: bool, inputs: &[&Path]) -> Result<(), output::Error> {
+    let inputs: Vec<PathBuf> = inputs.iter().map(|p| p.to_path_buf()).collect();
+    output::check_target(path, kind, force, &inputs)
+}
+
+/// Whether a light field of this format is a file or a folder.
+pub fn kind_of(format: Format) -> Kind {
+    if format == Format::Directory { Kind::Directory } else { Kind::File }
 }
 
 /// What a file of this format is called after its stem; nothing for a folder.
