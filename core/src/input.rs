@@ -54,9 +54,8 @@ fn check_regular(meta: &std::fs::Metadata) -> io::Result<()> {
 /// As [`open_regular`], and when the file is longer.
 pub fn read_regular(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
     let (file, length) = open_regular(path)?;
-    let too_long = || {
-        io::Error::new(io::ErrorKind::FileTooLarge, format!("{length} bytes are too many, the limit is {limit}"))
-    };
+    let too_long =
+        || io::Error::new(io::ErrorKind::FileTooLarge, format!("{length} bytes are too many, the limit is {limit}"));
     if length > limit {
         return Err(too_long());
     }

@@ -140,7 +140,9 @@ fn little_address_space_is_told() {
     assert_eq!(answer.code, Some(1), "{}", answer.err);
     assert!(answer.err.contains("1200 MiB") && !bench.at("o").exists(), "{}", answer.err);
     assert_eq!(limited(1200, "info s1/capture.lfp").code, Some(0));
-    for (mib, line) in [(2048, decode), (4096, "--threads 16 infer lf --out i"), (4096, "--threads 64 convert lf --out c")] {
+    for (mib, line) in
+        [(2048, decode), (4096, "--threads 16 infer lf --out i"), (4096, "--threads 64 convert lf --out c")]
+    {
         let answer = limited(mib, line);
         assert_eq!(answer.code, Some(0), "{line} within {mib} MiB: {}", answer.err);
     }

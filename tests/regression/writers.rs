@@ -13,7 +13,12 @@ use super::bench::{Bench, command};
 /// Files of a folder by name; `None` where there is no folder.
 fn files(bench: &Bench, name: &str) -> Option<BTreeMap<String, Vec<u8>>> {
     let entries = fs::read_dir(bench.at(name)).ok()?;
-    Some(entries.map(|e| e.unwrap()).map(|e| (e.file_name().into_string().unwrap(), fs::read(e.path()).unwrap())).collect())
+    Some(
+        entries
+            .map(|e| e.unwrap())
+            .map(|e| (e.file_name().into_string().unwrap(), fs::read(e.path()).unwrap()))
+            .collect(),
+    )
 }
 
 /// Whether this process may start others in namespaces of their own, as containers have.

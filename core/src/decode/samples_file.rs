@@ -94,8 +94,7 @@ impl SamplesOrigin {
 #[must_use]
 pub fn view_fingerprint(view: &Array3<f32>) -> u32 {
     let mut crc = flate2::Crc::new();
-    let bytes: Vec<u8> =
-        view.iter().flat_map(|x| ((x.clamp(0.0, 1.0) * 65535.0 + 0.5) as u16).to_le_bytes()).collect();
+    let bytes: Vec<u8> = view.iter().flat_map(|x| ((x.clamp(0.0, 1.0) * 65535.0 + 0.5) as u16).to_le_bytes()).collect();
     crc.update(&bytes);
     crc.sum()
 }

@@ -82,9 +82,7 @@ impl ViewSink for Writer {
         let index = v * self.meta.views[1] + u;
         let place = self.data_start + index as u64 * bytes.len() as u64;
         self.written[index] = true;
-        self.queue.submit(move || {
-            write_at(&file, &bytes, place).map_err(io_at(&path))
-        })
+        self.queue.submit(move || write_at(&file, &bytes, place).map_err(io_at(&path)))
     }
 
     fn finish(mut self: Box<Self>) -> Result<(), Error> {

@@ -162,8 +162,7 @@ impl List {
         for (name, stamps) in &self.files {
             let path = folder.join(name);
             let Ok(meta) = path.symlink_metadata() else { continue };
-            let same = stamps.iter().any(|s| s.0 == meta.len())
-                && (quick || stamps.contains(&Stamp::of_file(&path)?));
+            let same = stamps.iter().any(|s| s.0 == meta.len()) && (quick || stamps.contains(&Stamp::of_file(&path)?));
             if !same {
                 return Ok(Some(format!("its {name} was changed after lenslet wrote it")));
             }
@@ -261,7 +260,8 @@ impl Journal {
 
     /// Names a file (or a folder) that is about to be created.
     pub(super) fn add(&self, path: &Path, folder: bool) -> io::Result<()> {
-        let refused = || io::Error::new(io::ErrorKind::InvalidInput, "a name that is no text, or not inside the output");
+        let refused =
+            || io::Error::new(io::ErrorKind::InvalidInput, "a name that is no text, or not inside the output");
         let mut name = listed_name(&self.root, path).ok_or_else(refused)?;
         if folder {
             name.push('/');
@@ -270,7 +270,10 @@ impl Journal {
         let mut line = serde_json::to_vec(&name)?;
         line.push(b'\n');
         if self.names.lock().map_err(broken)?.insert(name) {
-            self.file.lock().map_err(|_| io::Error::other("a thread failed while it wrote the journal"))?.write_all(&line)?;
+            self.file
+                .lock()
+                .map_err(|_| io::Error::other("a thread failed while it wrote the journal"))?
+                .write_all(&line)?;
         }
         Ok(())
     }

@@ -149,14 +149,17 @@ fn recognise(path: &Path) -> std::io::Result<bool> {
 fn is_own_npz(head: &[u8]) -> bool {
     let name = format!("{NPZ_MARK}.npy");
     let stated = head.get(26..28).map(|b| usize::from(u16::from_le_bytes([b[0], b[1]])));
-    head.starts_with(b"PK\x03\x04") && stated == Some(name.len()) && head.get(30..30 + name.len()) == Some(name.as_bytes())
+    head.starts_with(b"PK\x03\x04")
+        && stated == Some(name.len())
+        && head.get(30..30 + name.len()) == Some(name.as_bytes())
 }
 
 fn is_own_npy(head: &[u8], length: u64) -> bool {
     let Some(header) = head.get(..NPY_HEADER) else { return false };
     let stated = (NPY_HEADER - 10) as u16;
     let text = String::from_utf8_lossy(&header[10..]);
-    let shape = text.strip_prefix("{'descr': '<f4', 'fortran_order': False, 'shape': (").and_then(|t| t.split_once("), }"));
+    let shape =
+        text.strip_prefix("{'descr': '<f4', 'fortran_order': False, 'shape': (").and_then(|t| t.split_once("), }"));
     let Some((shape, padding)) = shape else { return false };
     let sides: Vec<u64> = shape.split(", ").filter_map(|n| n.parse().ok()).collect();
     let values = sides.iter().try_fold(4u64, |n, &side| n.checked_mul(side));
@@ -180,9 +183,13 @@ mod tests {
         encoder.set_color(png::ColorType::Grayscale);
         encoder.write_header().unwrap().write_image_data(&[1, 2, 3]).unwrap();
         let mut photo = Vec::new();
-        image::codecs::jpeg::JpegEncoder::new(&mut photo).encode(&[9; 12], 2, 2, image::ExtendedColorType::Rgb8).unwrap();
+        image::codecs::jpeg::JpegEncoder::new(&mut photo)
+            .encode(&[9; 12], 2, 2, image::ExtendedColorType::Rgb8)
+            .unwrap();
         let gif = b"GIF89a\x01\0\x01\0\0\0\0;".to_vec();
-        for whole in [picture, photo, gif, b"<svg></svg>".to_vec(), b"# Title\n".to_vec(), b"<!DOCTYPE html>\n".to_vec()] {
+        for whole in
+            [picture, photo, gif, b"<svg></svg>".to_vec(), b"# Title\n".to_vec(), b"<!DOCTYPE html>\n".to_vec()]
+        {
             std::fs::write(&path, &whole).unwrap();
             assert!(!is_own_file(&path));
             let sealed = seal(&whole);
@@ -206,7 +213,9 @@ mod tests {
         let read = image::load_from_memory(&seal(&picture)).unwrap().into_luma8();
         assert_eq!(read.as_raw(), &[1, 2, 3]);
         let mut photo = Vec::new();
-        image::codecs::jpeg::JpegEncoder::new(&mut photo).encode(&[9; 12], 2, 2, image::ExtendedColorType::Rgb8).unwrap();
+        image::codecs::jpeg::JpegEncoder::new(&mut photo)
+            .encode(&[9; 12], 2, 2, image::ExtendedColorType::Rgb8)
+            .unwrap();
         assert_eq!(image::load_from_memory(&seal(&photo)).unwrap(), image::load_from_memory(&photo).unwrap());
     }
 

@@ -119,7 +119,9 @@ pub fn check_target(target: &Path, kind: Kind, force: bool, inputs: &[PathBuf]) 
 /// That a target is an input or holds it, as a message has it.
 fn holds(target: &Path, input: &Path) -> Option<String> {
     let (there, place) = (fs::metadata(target).ok()?, input.canonicalize().ok()?);
-    let at = |path: &Path| fs::metadata(path).is_ok_and(|m| same_entry(&m, &there)) || target.canonicalize().is_ok_and(|t| t == path);
+    let at = |path: &Path| {
+        fs::metadata(path).is_ok_and(|m| same_entry(&m, &there)) || target.canonicalize().is_ok_and(|t| t == path)
+    };
     place.ancestors().find(|a| at(a)).map(|a| {
         if a == place { "it is an input".to_string() } else { format!("it holds the input {}", input.display()) }
     })

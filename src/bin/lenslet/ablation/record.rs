@@ -156,7 +156,10 @@ impl Log {
             // A file without a run is lenslet's own only where its folder says so.
             let begun = bytes.is_empty() || bytes.starts_with(b"{\"key\":");
             if records.is_empty() && !(begun && output::is_listed(out, FILE)) {
-                bail!("{} holds no runs and is not lenslet's own; choose another folder, or remove it yourself", path.display());
+                bail!(
+                    "{} holds no runs and is not lenslet's own; choose another folder, or remove it yourself",
+                    path.display()
+                );
             }
             let same = |r: &Record| {
                 r.parameters["quick"] == settings.quick && r.parameters["size"] == serde_json::json!(settings.size())

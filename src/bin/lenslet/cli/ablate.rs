@@ -89,7 +89,8 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     }
     // Before the work rather than after it.
     if let Some(path) = &args.results {
-        let mut inputs: Vec<&Path> = args.whites.iter().chain(&args.captures).chain(&args.photos).map(PathBuf::as_path).collect();
+        let mut inputs: Vec<&Path> =
+            args.whites.iter().chain(&args.captures).chain(&args.photos).map(PathBuf::as_path).collect();
         inputs.extend(args.truth.as_deref().into_iter().chain(args.against.as_deref()));
         inputs.extend(args.peer.iter().map(|p| p.1.as_path()));
         check_output(path, Kind::File, args.force, &inputs)?;

@@ -14,10 +14,10 @@ use lenslet_core::decode::{
     self, Demosaic, HexSamples, RawStep, SAMPLES_FILE, SamplesOrigin, ViewStep, WhiteBalance, samples_beside,
     view_fingerprint,
 };
-use lenslet_core::output::Kind;
 use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{self, Format, Meta, View};
+use lenslet_core::output::Kind;
 use lenslet_core::progress::Observer;
 use lenslet_views::{Learned, Method, Renderer, native_size};
 use serde_json::{Value, json};

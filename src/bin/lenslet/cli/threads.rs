@@ -36,7 +36,8 @@ pub fn start(asked: Option<usize>, multiplies: bool) -> Result<(), String> {
 fn addresses() -> Option<u64> {
     let read = |path: &str| fs::read_to_string(path).unwrap_or_default();
     let limit = limit_of(&read("/proc/self/limits"));
-    let left = if read("/proc/sys/vm/overcommit_memory").trim() == "2" { uncommitted(&read("/proc/meminfo")) } else { None };
+    let left =
+        if read("/proc/sys/vm/overcommit_memory").trim() == "2" { uncommitted(&read("/proc/meminfo")) } else { None };
     limit.into_iter().chain(left).min()
 }
 

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use lenslet_core::dictionary::{self, Footprint};
-use lenslet_core::interpolation::Interpolation;
 use lenslet_core::input::read_text;
+use lenslet_core::interpolation::Interpolation;
 use lenslet_core::output::{self, Kind};
 use lenslet_core::progress::Observer;
 use lenslet_train::{Algorithm, Coupling, KsvdUpdate, Parameters, train_dictionary, train_on_crops};
