@@ -27,6 +27,7 @@ const CRATES: [(&str, &str, &[&str]); 6] = [
             "image",
             "stroke_font",
             "pfm",
+            "picture_file",
             "interpolation",
             "container",
             "sampling",

@@ -21,6 +21,7 @@ pub mod metrics;
 pub mod noise;
 pub mod output;
 pub mod pfm;
+pub mod picture_file;
 pub mod progress;
 pub mod random;
 pub mod sampling;

@@ -250,8 +250,13 @@ pub fn disparity_at(
     let inside = x >= 0.0 && y >= 0.0 && x <= (width.max(1) - 1) as f32 && y <= (height.max(1) - 1) as f32;
     ensure_parameter!(inside, "the point {x},{y} is outside of the views of {width}x{height}");
     let reach = (rows.max(columns) / 2) as f32;
-    let limit = options.range.map_or(options.limit, |(a, b)| a.abs().max(b.abs()));
-    let margin = (24.0 + limit.min(64.0) * reach) as usize;
+    // The range of the whole light field: the surroundings of a point may show too little.
+    let (low, high) = match options.range {
+        Some(range) => range,
+        None => disparity::find_disparity_range(data, options, observer)?,
+    };
+    let options = &disparity::Options { range: Some((low, high)), ..options.clone() };
+    let margin = (24.0 + low.abs().max(high.abs()).min(256.0) * reach) as usize;
     let (cx, cy) = (x as usize, y as usize);
     let (x0, x1) = (cx.saturating_sub(margin), (cx + margin + 1).min(width));
     let (y0, y1) = (cy.saturating_sub(margin), (cy + margin + 1).min(height));

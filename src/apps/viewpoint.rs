@@ -1,7 +1,7 @@
 //! Views from between the views: every pixel is the mean of the four neighbouring views, each read where its disparity
 //! puts the same scene point.
 
-use ndarray::{Array2, Array3, ArrayView5};
+use ndarray::{Array2, Array3, ArrayView3, ArrayView5};
 use rayon::prelude::*;
 
 use lenslet_core::image::{Cell, bilinear_by_weights};
@@ -109,6 +109,17 @@ pub fn render_between_views(
         }
     });
     Ok(out)
+}
+
+/// The view `step` = (u, v) view steps from `middle` (t, s, c), given its own disparity: every pixel read from the middle
+/// view where the surface seen there lies.
+pub(super) fn sample_shifted(middle: &ArrayView3<f32>, map: &Array2<f32>, [u, v]: [f32; 2]) -> Array3<f32> {
+    let (height, width, _) = middle.dim();
+    Array3::from_shape_fn(middle.dim(), |(t, s, k)| {
+        let d = map[[t, s]];
+        let cell = Cell::clamped(s as f32 - d * u, t as f32 - d * v, width, height);
+        bilinear_by_weights(cell.corners(|x, y| middle[[y, x, k]]), cell.fx, cell.fy)
+    })
 }
 
 #[cfg(test)]

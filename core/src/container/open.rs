@@ -21,8 +21,8 @@ pub fn open_capture(path: &Path, profile: Option<&str>) -> Result<Capture, Error
 }
 
 impl Capture {
-    /// Opens a capture file: a container (.lfp, .lfr), a raw mosaic as a picture (PNG, TIFF, JPEG, PGM; 8 or 16 bit,
-    /// one channel), or a packed .raw with its metadata in a .txt or .json of the same name.
+    /// Opens a capture file: a container (.lfp, .lfr), a raw mosaic as a picture (PNG, TIFF, JPEG, BMP, PGM; 8 or
+    /// 16 bit, one channel), or a packed .raw with its metadata in a .txt or .json of the same name.
     ///
     /// Raw files without metadata and pictures are recognised by their size.
     ///
@@ -62,8 +62,7 @@ fn read_capture(path: &Path, profile: Option<&CameraProfile>) -> Result<Capture,
     if head.starts_with(&segments::MAGIC) {
         return lfp::capture_from_container(&Container::open(path)?, profile);
     }
-    let named_raw = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("raw"));
-    if !named_raw && picture::is_picture(&head) {
+    if picture::check_picture(path, &head)? {
         let bytes = file::read(path, "a picture", picture::MAX_FILE)?;
         return picture::capture_from_picture(path, &bytes, profile);
     }

@@ -1,4 +1,4 @@
-//! Raw mosaics given as pictures: PNG, TIFF, JPEG or PGM of one channel, 8 or 16 bit.
+//! Raw mosaics given as pictures: PNG, TIFF, JPEG, BMP or PGM of one channel, 8 or 16 bit.
 //!
 //! The largest value decides how values are read. Up to the camera's white level they are digital numbers as read from
 //! the sensor; above it, and in 8-bit pictures, the full range of the picture corresponds to 0 to the white level.
@@ -6,7 +6,7 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use image::{DynamicImage, ImageFormat, ImageReader, Limits};
+use image::{DynamicImage, ImageDecoder};
 
 use super::assemble::{assemble_capture, profile_for};
 use super::capture::{Capture, RawMosaic};
@@ -15,15 +15,20 @@ use super::facts::MAX_SIDE;
 use super::profile::CameraProfile;
 use super::sidecar::read_sidecar;
 use crate::digest::sha256_hex;
+use crate::picture_file;
 
 /// Longest picture file read, bytes.
 pub(super) const MAX_FILE: u64 = 1 << 30;
 /// Largest decoded picture, bytes: about twice an Illum's mosaic as 16-bit RGB.
 const MAX_DECODED: u64 = 512 << 20;
 
-/// Whether these first bytes are those of a picture that can be decoded.
-pub(super) fn is_picture(head: &[u8]) -> bool {
-    matches!(image::guess_format(head), Ok(ImageFormat::Png | ImageFormat::Tiff | ImageFormat::Jpeg | ImageFormat::Pnm))
+/// Whether these first bytes are those of a picture; one in a format that is not decoded is refused.
+pub(super) fn check_picture(path: &Path, head: &[u8]) -> Result<bool, Error> {
+    match picture_file::format_of(head) {
+        Some((_, true)) => Ok(true),
+        Some((name, false)) => Err(Error::unsupported(path, picture_file::Error::Format(name).to_string())),
+        None => Ok(false),
+    }
 }
 
 /// Reads a mosaic from the bytes of a picture file. A .txt or .json of the same name beside it adds the camera's
@@ -102,13 +107,13 @@ fn size_warning(width: usize, height: usize, profile: &CameraProfile) -> Option<
 
 /// Pixels and bits per sample.
 fn decode_picture(path: &Path, bytes: &[u8]) -> Result<(RawMosaic, u32), Error> {
-    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(Error::io(path))?;
-    let mut limits = Limits::default();
-    limits.max_image_width = Some(MAX_SIDE as u32);
-    limits.max_image_height = Some(MAX_SIDE as u32);
-    limits.max_alloc = Some(MAX_DECODED);
-    reader.limits(limits);
-    let picture = reader.decode().map_err(|e| Error::malformed(path, format!("the picture cannot be decoded: {e}")))?;
+    let failed = |e: picture_file::Error| Error::malformed(path, e.to_string());
+    let decoder = picture_file::open_decoder(Cursor::new(bytes), bytes.len() as u64, 2).map_err(failed)?;
+    let (width, height) = decoder.dimensions();
+    if width.max(height) as usize > MAX_SIDE || decoder.total_bytes() > MAX_DECODED {
+        return Err(Error::malformed(path, format!("{width}x{height} pixels are too many for a raw mosaic")));
+    }
+    let picture = picture_file::decode_pixels(decoder).map_err(failed)?;
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     if width < 16 || height < 16 {
         return Err(Error::unsupported(path, format!("{width}x{height} pixels are too few for a raw mosaic")));

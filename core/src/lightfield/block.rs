@@ -56,6 +56,45 @@ impl SampleBlock {
         Ok(SampleBlock { bytes, layout })
     }
 
+    /// All bytes, as stored.
+    pub(super) fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// Sets the stored value of 1.0.
+    pub(super) fn set_scale(&mut self, scale: f32) {
+        self.layout.scale = scale;
+    }
+
+    /// The bytes of view (v, u) in the order (t, s, c).
+    pub(super) fn stored_view(&self, v: usize, u: usize, (h, w, c): (usize, usize, usize)) -> Vec<u8> {
+        let BlockLayout { strides, number, .. } = self.layout;
+        let width = number.kind.bytes();
+        let mut out = Vec::with_capacity(h * w * c * width);
+        for t in 0..h {
+            for s in 0..w {
+                for k in 0..c {
+                    let at = v * strides[0] + u * strides[1] + t * strides[2] + s * strides[3] + k * strides[4];
+                    out.extend_from_slice(self.bytes.get(at * width..(at + 1) * width).unwrap_or(&[0; 8][..width]));
+                }
+            }
+        }
+        out
+    }
+
+    /// Mean of channel `c` over view (v, u) of (t, s) pixels, as stored.
+    pub(super) fn mean_of_channel(&self, v: usize, u: usize, (h, w): (usize, usize), c: usize) -> f64 {
+        let BlockLayout { strides, number, .. } = self.layout;
+        let width = number.kind.bytes();
+        let origin = v * strides[0] + u * strides[1] + c * strides[4];
+        let one = |t: usize, s: usize| {
+            let at = width * (origin + t * strides[2] + s * strides[3]);
+            self.bytes.get(at..at + width).map_or(0.0, |b| number.read(b))
+        };
+        let sum: f64 = (0..h).flat_map(|t| (0..w).map(move |s| (t, s))).map(|(t, s)| one(t, s)).sum();
+        sum / (h * w).max(1) as f64
+    }
+
     /// View (v, u) of shape (t, s, c); places outside of the block read as 0.
     pub(super) fn view(&self, v: usize, u: usize, shape: (usize, usize, usize)) -> Array3<f32> {
         let BlockLayout { strides, number, scale } = self.layout;
@@ -73,18 +112,28 @@ pub(super) struct BlockViews {
     path: PathBuf,
     meta: Meta,
     block: SampleBlock,
+    notes: Vec<String>,
+    length: u64,
 }
 
 impl BlockViews {
-    /// The light field of the file `path`; the shape of `block` is that of `meta`.
-    pub(super) fn new(path: &Path, meta: Meta, block: SampleBlock) -> Self {
-        BlockViews { path: path.to_path_buf(), meta, block }
+    /// The light field of the file `path` of `length` bytes; the shape of `block` is that of `meta`.
+    pub(super) fn new(path: &Path, meta: Meta, block: SampleBlock, notes: Vec<String>, length: u64) -> Self {
+        BlockViews { path: path.to_path_buf(), meta, block, notes, length }
     }
 }
 
 impl ViewSource for BlockViews {
     fn meta(&self) -> &Meta {
         &self.meta
+    }
+
+    fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    fn stored_bytes(&self) -> Option<u64> {
+        Some(self.length)
     }
 
     fn read(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {

@@ -48,7 +48,7 @@ impl ViewSink for Writer {
         let (height, width, channels) = view.dim();
         self.written[v * self.meta.views[1] + u] = true;
         self.queue.submit(move || {
-            let png = image_file::encode_png(&samples, width, height, channels, &path)?;
+            let png = image_file::encode_png(&samples, width, height, channels, None, &path)?;
             write_part(&path, &png).map_err(io_at(&path))
         })
     }
@@ -80,6 +80,8 @@ impl Drop for Writer {
 pub(super) struct Reader {
     folder: PathBuf,
     meta: Meta,
+    /// Bytes of the pictures.
+    stored: u64,
 }
 
 impl Reader {
@@ -98,13 +100,47 @@ impl Reader {
         let meta: Meta =
             serde_json::from_value(value).map_err(|e| malformed(&path, format!("not a description: {e}")))?;
         meta.check().map_err(|e| malformed(&path, e.to_string()))?;
-        Ok(Reader { folder: folder.to_path_buf(), meta })
+        let stored = check_pictures(folder, &meta).map_err(|reason| malformed(&path, reason))?;
+        Ok(Reader { folder: folder.to_path_buf(), meta, stored })
     }
+}
+
+/// Compares the description with the pictures' headers: every view is there, of the size and channels described, and
+/// there are no more of them. Bytes of the pictures together.
+fn check_pictures(folder: &Path, meta: &Meta) -> Result<u64, String> {
+    let [rows, columns] = meta.views;
+    let (height, width, channels) = meta.view_shape();
+    let described = format!("it describes {rows}x{columns} views of {width}x{height}");
+    let mut stored = 0;
+    for k in 0..rows * columns {
+        let path = folder.join(view_name(k / columns, k % columns));
+        let shape = image_file::read_shape(&path).map_err(|e| format!("{described}, but {e}"))?;
+        if (shape.height, shape.width) != (height, width) {
+            let name = path.display();
+            return Err(format!("{described}, but {name} has {}x{} pixels", shape.width, shape.height));
+        }
+        // A grey view among coloured ones has three equal channels.
+        if shape.channels > channels {
+            return Err(format!("it describes views of 1 channel, but {} has {}", path.display(), shape.channels));
+        }
+        stored += fs::metadata(&path).map_or(0, |m| m.len());
+    }
+    for (v, u) in [(rows, 0), (0, columns)] {
+        let more = view_name(v, u);
+        if folder.join(&more).is_file() {
+            return Err(format!("{described}, but there is also {more}"));
+        }
+    }
+    Ok(stored)
 }
 
 impl ViewSource for Reader {
     fn meta(&self) -> &Meta {
         &self.meta
+    }
+
+    fn stored_bytes(&self) -> Option<u64> {
+        Some(self.stored)
     }
 
     fn read(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {

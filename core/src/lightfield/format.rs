@@ -4,6 +4,7 @@ use std::fmt;
 use std::path::Path;
 use std::str::FromStr;
 
+use super::axes::Axes;
 use super::colour::ColourSpace;
 use super::error::Error;
 
@@ -77,6 +78,15 @@ pub struct ReadOptions {
     pub views: Option<[usize; 2]>,
     /// Colour space of files that do not state it; sRGB when absent. Lenslet's own directory states it.
     pub colour: Option<ColourSpace>,
+    /// The stored value that is 1.0 (255, 1023, 65535, …) of arrays and pictures without a description; found from the
+    /// type and the range of the numbers when absent.
+    pub full_scale: Option<f32>,
+    /// The order of the axes of arrays; when absent (v, u, t, s, c), (v, u, t, s), or (n, t, s, c) with views in a row.
+    pub axes: Option<Axes>,
+    /// Also take folders in which views of a full grid are absent: these have weight 0. Refused when false.
+    pub partial: bool,
+    /// Only look at headers: the description is read, numbers are not, and reading views may fail.
+    pub header_only: bool,
     /// [`load`](super::load) refuses a light field of more bytes than this (as f32); 0, the default, means 8 GiB.
     pub max_bytes: u64,
 }

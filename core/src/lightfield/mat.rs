@@ -1,8 +1,8 @@
 //! MATLAB files, level 5 (MathWorks, "MAT-File Format"): the light field is an array of 4 or 5 dimensions
-//! (v, u, t, s[, c]) in column-major order, plain or compressed; a fourth channel is a weight and is left out.
+//! (v, u, t, s[, c]) in column-major order, plain or compressed; a fourth channel is a weight.
 //!
 //! LFToolbox writes such an `LF` (uint16, 65535 = 1, weight last); the networks of the BasicLFSR family read one
-//! (0..1).
+//! (0..1). A second variable `lenslet` holds the description of what this project writes.
 
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Read, Seek, SeekFrom, Write};
@@ -11,15 +11,19 @@ use std::path::Path;
 use flate2::read::ZlibDecoder;
 use ndarray::Array3;
 
+use super::axes::lay_out;
 use super::block::{BlockLayout, BlockViews, SampleBlock};
 use super::colour::ColourSpace;
+use super::companion::{Companion, MAX_TEXT, fingerprint_by, fingerprint_of};
 use super::error::{Error, io_at, malformed, unsupported};
 use super::format::ReadOptions;
 use super::meta::Meta;
 use super::sample::{SampleFormat, SampleKind};
-use super::view_io::{ViewSink, check_all_written};
+use super::value_range::{Extent, full_scale};
+use super::view_io::{ViewSink, check_all_written, relative_weights};
 use crate::input::open_regular;
 use crate::output::Pending;
+use crate::picture_file::may_expand;
 
 /// First bytes of a level 5 file.
 pub(super) const MAGIC: &[u8] = b"MATLAB 5.0 MAT-file";
@@ -29,6 +33,8 @@ const MAGIC_73: &[u8] = b"MATLAB 7.3 MAT-file";
 const MAGIC_HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
 /// Length of a file's header, bytes.
 const HEADER: u64 = 128;
+/// The variable that holds the description.
+const DESCRIPTION: &str = "lenslet";
 /// Most variables looked at.
 const MAX_VARIABLES: usize = 10_000;
 /// Most dimensions of an array.
@@ -45,7 +51,9 @@ const MI_INT8: u32 = 1;
 const MI_INT32: u32 = 5;
 const MI_UINT32: u32 = 6;
 const MI_SINGLE: u32 = 7;
+const MI_UINT16: u32 = 4;
 const CLASS_SINGLE: u8 = 7;
+const CLASS_CHAR: u8 = 4;
 const COMPLEX: u8 = 0x08;
 
 /// Refuses MATLAB files that [`open`] cannot read, with advice. `head`: the first bytes.
@@ -83,29 +91,22 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<BlockViews, Err
     let (mut file, _) = open_regular(path).map_err(io_at(path))?;
     let length = file.metadata().map_err(io_at(path))?.len();
     let big = read_byte_order(&mut file, path)?;
-    let (place, array) = find_light_field(&mut file, path, length, big)?;
+    let (place, array, description) = find_light_field(&mut file, path, length, big)?;
     let bad = |what: String| unsupported(path, format!("variable {}: {what}", array.name));
     if array.complex {
         return Err(bad("complex numbers".into()));
     }
-    let Some(scale) = full_scale(array.class) else {
+    let Some(scale) = scale_of(array.class) else {
         return Err(bad("its numbers are of a type with no agreed meaning; save it as single or uint16".into()));
     };
-    let side = |i: usize| usize::try_from(array.dims.get(i).copied().unwrap_or(1)).unwrap_or(usize::MAX);
-    let stored = side(4);
-    if array.dims.len() > 5 || !matches!(stored, 1 | 3 | 4) {
-        return Err(bad(format!("shape {:?} is not (v, u, t, s, c) with c = 1, 3 or 4", array.dims)));
-    }
+    let sides: Vec<usize> = array.dims.iter().map(|&n| usize::try_from(n).unwrap_or(usize::MAX)).collect();
+    let layout = lay_out(&sides, true, options.axes.as_ref(), options.views).map_err(bad)?;
     let colour = options.colour.unwrap_or(ColourSpace::Srgb);
-    let channels = if stored == 4 { 3 } else { stored };
-    let meta = Meta::new([side(0), side(1)], [side(2), side(3)], channels, colour);
+    let mut meta = Meta::new(layout.views, layout.size, layout.channels(), colour);
     meta.check().map_err(|e| bad(e.to_string()))?;
-    // Meta::check bounds every factor, so the products stay far below 2^64.
-    let mut strides = [1; 5];
-    for i in 1..5 {
-        strides[i] = strides[i - 1] * side(i - 1);
-    }
-    let values = (strides[4] * stored) as u64;
+    // Meta::check bounds every factor, so the product stays far below 2^64.
+    let [[rows, columns], [height, width]] = [layout.views, layout.size];
+    let values = (rows * columns) as u64 * (height * width * layout.stored) as u64;
     let expected = values * array.stored.kind.bytes() as u64;
     if array.bytes != expected {
         return Err(malformed(
@@ -116,9 +117,79 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<BlockViews, Err
     if expected > MAX_ARRAY {
         return Err(bad(format!("{} MiB are too many", expected >> 20)));
     }
-    let bytes = read_numbers(&mut file, path, place, big, expected)?;
-    let block = SampleBlock::new(bytes, BlockLayout { strides, number: array.stored, scale });
-    Ok(BlockViews::new(path, meta, block))
+    let mut notes = Vec::new();
+    let (mut bytes, mut scale) = (Vec::new(), scale);
+    // Without its numbers, a description cannot be told from another's.
+    let mut fingerprint = None;
+    if !options.header_only {
+        if !may_expand(expected, place.length) {
+            let (mib, length) = (expected >> 20, place.length);
+            return Err(bad(format!("{mib} MiB out of {length} compressed bytes; save it as .npy if it is so")));
+        }
+        bytes = read_numbers(&mut file, path, place, big, expected)?;
+        let mut extent = Extent::default();
+        extent.add(array.stored, &bytes);
+        let kind = kind_of(array.class);
+        let at = |k: u64| place_of(k, &sides);
+        let (full, note) = if layout.stored == 4 {
+            (options.full_scale.unwrap_or(scale), None)
+        } else {
+            full_scale(path, kind, &extent, options.full_scale, at)?
+        };
+        scale = full;
+        notes.extend(note);
+        fingerprint = Some(fingerprint_of(&bytes));
+    }
+    match description {
+        Some(place) => {
+            let text = read_description(&mut file, place, big).map_err(|e| e.to_string());
+            let found = text.and_then(|text| Companion::from_text(&text)).and_then(|found| match &fingerprint {
+                Some(own) => found.of(&meta, own),
+                None => found.of_shape(&meta),
+            });
+            match found {
+                Ok(described) => meta = described,
+                Err(why) => notes.push(format!(
+                    "{}: its description (variable {DESCRIPTION}) is left alone: {why}",
+                    path.display()
+                )),
+            }
+        }
+        None if options.colour.is_none() => notes.push(format!(
+            "{}: no description in it (variable {DESCRIPTION}); assumed: sRGB-encoded values (--input-linear if they are \
+             linear light), no known pitch or method",
+            path.display()
+        )),
+        None => {}
+    }
+    let block = SampleBlock::new(bytes, BlockLayout { strides: layout.strides, number: array.stored, scale });
+    if layout.stored == 4 && meta.weights.is_none() && !options.header_only {
+        let means: Vec<f64> = (0..rows * columns)
+            .map(|k| block.mean_of_channel(k / columns, k % columns, (height, width), 3))
+            .collect();
+        meta.weights = relative_weights(&means);
+    }
+    Ok(BlockViews::new(path, meta, block, notes, length))
+}
+
+/// The type of numbers that a class of arrays stands for. MATLAB may store them in a smaller type.
+fn kind_of(class: u8) -> SampleKind {
+    match class {
+        9 => SampleKind::U8,
+        11 => SampleKind::U16,
+        _ => SampleKind::F64,
+    }
+}
+
+/// Subscripts of number `k` of an array of these sides, as MATLAB counts.
+fn place_of(mut k: u64, sides: &[usize]) -> String {
+    let one = |&side: &usize| {
+        let side = side.max(1) as u64;
+        let at = k % side;
+        k /= side;
+        (at + 1).to_string()
+    };
+    format!("({})", sides.iter().map(one).collect::<Vec<_>>().join(", "))
 }
 
 /// Checks the file's header; true for big-endian numbers.
@@ -132,10 +203,17 @@ fn read_byte_order(file: &mut File, path: &Path) -> Result<bool, Error> {
     }
 }
 
-/// Finds the light field: the variable `LF`, or else the only array of 4 or 5 dimensions.
-fn find_light_field(file: &mut File, path: &Path, length: u64, big: bool) -> Result<(Place, Array), Error> {
+/// Finds the light field: the variable `LF`, or else the only array of 4 or 5 dimensions; and its description.
+fn find_light_field(
+    file: &mut File,
+    path: &Path,
+    length: u64,
+    big: bool,
+) -> Result<(Place, Array, Option<Place>), Error> {
     let mut at = HEADER;
     let mut candidates: Vec<(Place, Array)> = Vec::new();
+    let mut description = None;
+    let mut found_by_name = false;
     let mut seen = Vec::new();
     for _ in 0..MAX_VARIABLES {
         if at + 8 > length {
@@ -155,22 +233,26 @@ fn find_light_field(file: &mut File, path: &Path, length: u64, big: bool) -> Res
         }
         // An array we cannot describe (a cell, a structure, text) is not the light field.
         if let Ok(array) = describe_array(file, place, big) {
+            if array.class == CLASS_CHAR {
+                if array.name == DESCRIPTION {
+                    description = Some(place);
+                }
+                continue;
+            }
             seen.push(array.name.clone());
             let named = array.name == "LF";
-            if named || (array.dims.len() >= 4 && array.dims.len() <= 5) {
+            if !found_by_name && (named || (array.dims.len() >= 4 && array.dims.len() <= 5)) {
                 if named {
                     candidates.clear();
+                    found_by_name = true;
                 }
                 candidates.push((place, array));
-                if named {
-                    break;
-                }
             }
         }
     }
     let mut candidates = candidates.into_iter();
     match (candidates.next(), candidates.next()) {
-        (Some(only), None) => Ok(only),
+        (Some((place, array)), None) => Ok((place, array, description)),
         (Some(first), Some(second)) => {
             let (a, b) = (first.1.name, second.1.name);
             Err(unsupported(path, format!("both {a} and {b} could be the light field; name the right one LF")))
@@ -218,6 +300,34 @@ fn read_numbers(file: &mut File, path: &Path, place: Place, big: bool, count: u6
         Ok(bytes)
     } else {
         Err(malformed(path, "the numbers of its light field end early"))
+    }
+}
+
+/// The text of the array of characters at `place`.
+fn read_description(file: &mut File, place: Place, big: bool) -> std::io::Result<Vec<u8>> {
+    let bad = || std::io::Error::from(std::io::ErrorKind::InvalidData);
+    file.seek(SeekFrom::Start(place.start))?;
+    let raw = BufReader::new(file.take(place.length));
+    let mut inside: Box<dyn Read + '_> = if place.compressed {
+        let mut inside = ZlibDecoder::new(raw);
+        read_tag(&mut inside, big)?;
+        Box::new(inside)
+    } else {
+        Box::new(raw)
+    };
+    let array = read_array_header(&mut inside, big)?;
+    if array.bytes > 2 * MAX_TEXT {
+        return Err(bad());
+    }
+    let mut bytes = Vec::new();
+    inside.take(array.bytes).read_to_end(&mut bytes)?;
+    match array.stored.kind {
+        SampleKind::U16 => {
+            let units: Vec<u16> = bytes.chunks_exact(2).map(|b| array.stored.read(b) as u16).collect();
+            String::from_utf16(&units).map(String::into_bytes).map_err(|_| bad())
+        }
+        SampleKind::U8 | SampleKind::I8 => Ok(bytes),
+        _ => Err(bad()),
     }
 }
 
@@ -276,6 +386,9 @@ fn read_array_header(from: &mut dyn Read, big: bool) -> std::io::Result<Array> {
         6 => SampleKind::U32,
         7 => SampleKind::F32,
         9 => SampleKind::F64,
+        // Text of MATLAB in UTF-8 and UTF-16.
+        16 => SampleKind::U8,
+        17 => SampleKind::U16,
         _ => return Err(bad()),
     };
     let stored = SampleFormat { kind, big_endian: big };
@@ -283,7 +396,7 @@ fn read_array_header(from: &mut dyn Read, big: bool) -> std::io::Result<Array> {
 }
 
 /// The value that represents 1.0 in an array of this class. MATLAB may store its numbers in a smaller type.
-fn full_scale(class: u8) -> Option<f32> {
+fn scale_of(class: u8) -> Option<f32> {
     match class {
         6 | CLASS_SINGLE => Some(1.0),
         9 => Some(255.0),
@@ -340,6 +453,7 @@ impl ViewSink for Writer {
         if self.values.len() % 2 == 1 {
             out.write_all(&[0; 4]).map_err(io_at(&path))?;
         }
+        out.write_all(&description_element(&self.meta, &self.values)?).map_err(io_at(&path))?;
         out.into_inner().map_err(|e| io_at(&path)(e.into_error()))?;
         Ok(self.pending.commit()?)
     }
@@ -366,4 +480,34 @@ fn file_header(meta: &Meta, values: usize) -> Vec<u8> {
     text.extend(b"LF\0\0");
     words(&mut text, &[MI_SINGLE, bytes]);
     text
+}
+
+/// The variable with the description: a row of characters.
+fn description_element(meta: &Meta, values: &[f32]) -> Result<Vec<u8>, Error> {
+    let (blocks, numbers) = (values.len(), 4);
+    let fingerprint = fingerprint_by(blocks as u64 * numbers, |at, buffer| {
+        for (k, byte) in buffer.iter_mut().enumerate() {
+            let at = at as usize + k;
+            *byte = values[at / 4].to_le_bytes()[at % 4];
+        }
+        Ok(())
+    })
+    .unwrap_or_default();
+    let text = Companion::new(meta, fingerprint).to_text()?;
+    let units: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let padded = units.len().next_multiple_of(8);
+    let mut out = Vec::new();
+    let words = |out: &mut Vec<u8>, words: &[u32]| out.extend(words.iter().flat_map(|w| w.to_le_bytes()));
+    // Flags 16, dimensions 8 + 8, name 8 + 8, tag of the characters 8.
+    words(&mut out, &[MI_MATRIX, 16 + 16 + 16 + 8 + padded as u32]);
+    words(&mut out, &[MI_UINT32, 8, u32::from(CLASS_CHAR), 0]);
+    words(&mut out, &[MI_INT32, 8, 1, (units.len() / 2) as u32]);
+    words(&mut out, &[MI_INT8, DESCRIPTION.len() as u32]);
+    out.extend(DESCRIPTION.as_bytes());
+    out.resize(out.len().next_multiple_of(8), 0);
+    words(&mut out, &[MI_UINT16, units.len() as u32]);
+    let end = out.len() + padded;
+    out.extend(units);
+    out.resize(end, 0);
+    Ok(out)
 }

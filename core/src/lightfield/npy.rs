@@ -1,5 +1,6 @@
 //! NumPy's .npy (format 1.0 to 3.0): written as one f32 array (v, u, t, s, c), views streamed to their places;
-//! read with 2 to 5 dimensions, f32, f64, u8 or u16, in C or Fortran order.
+//! read with 2 to 5 dimensions, f32, f64, u8 or u16, in C or Fortran order. Its description stands beside it
+//! (`NAME.npy.json`).
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -7,13 +8,16 @@ use std::path::{Path, PathBuf};
 
 use ndarray::Array3;
 
+use super::axes::{ArrayLayout, lay_out};
 use super::block::{BlockLayout, SampleBlock};
 use super::colour::ColourSpace;
+use super::companion::{Companion, MAX_TEXT, companion_path, fingerprint_of_file};
 use super::error::{Error, io_at, malformed, unsupported};
 use super::format::ReadOptions;
 use super::meta::Meta;
 use super::sample::{SampleFormat, SampleKind};
-use super::view_io::{ViewSink, ViewSource, check_all_written, check_finite};
+use super::value_range::{Extent, full_scale};
+use super::view_io::{ViewSink, ViewSource, check_all_written, check_finite, relative_weights};
 use super::write_queue::WriteQueue;
 use crate::input::open_regular;
 use crate::output::{NPY_HEADER, Pending, write_at};
@@ -28,13 +32,15 @@ pub(super) struct Writer {
     meta: Meta,
     written: Vec<bool>,
     data_start: u64,
-    pending: Option<Pending>,
+    /// The array, and its description beside it.
+    pending: Option<[Pending; 2]>,
     queue: WriteQueue,
 }
 
 impl Writer {
     pub(super) fn create(path: &Path, meta: Meta, force: bool) -> Result<Self, Error> {
         let pending = Pending::file(path, force)?;
+        let beside = Pending::file(&companion_path(path), force)?;
         let (t, s, c) = meta.view_shape();
         let head = header_bytes(&[meta.views[0], meta.views[1], t, s, c]);
         let mut file = pending.handle()?;
@@ -42,7 +48,7 @@ impl Writer {
         let data = (meta.views[0] * meta.views[1]) as u64 * (t * s * c) as u64 * 4;
         file.set_len(head.len() as u64 + data).map_err(io_at(path))?;
         let written = vec![false; meta.views[0] * meta.views[1]];
-        Ok(Writer { meta, written, data_start: head.len() as u64, pending: Some(pending), queue: WriteQueue::new() })
+        Ok(Writer { meta, written, data_start: head.len() as u64, pending: Some([pending, beside]), queue: WriteQueue::new() })
     }
 }
 
@@ -64,7 +70,7 @@ fn header_bytes(shape: &[usize]) -> Vec<u8> {
 impl ViewSink for Writer {
     fn write(&mut self, v: usize, u: usize, view: &Array3<f32>) -> Result<(), Error> {
         self.meta.check_view(v, u, view)?;
-        let Some(pending) = &self.pending else { return Err(Error::Parameter("light field is finished".into())) };
+        let Some([pending, _]) = &self.pending else { return Err(Error::Parameter("light field is finished".into())) };
         let (file, path) = (pending.handle()?, pending.path().to_path_buf());
         let mut bytes = vec![0; 4 * view.len()];
         match view.as_slice() {
@@ -88,10 +94,14 @@ impl ViewSink for Writer {
     fn finish(mut self: Box<Self>) -> Result<(), Error> {
         self.queue.wait()?;
         check_all_written(&self.written, self.meta.views[1])?;
-        match self.pending.take() {
-            Some(pending) => Ok(pending.commit()?),
-            None => Ok(()),
-        }
+        let Some([pending, beside]) = self.pending.take() else { return Ok(()) };
+        let (t, s, c) = self.meta.view_shape();
+        let length = 4 * (self.written.len() * t * s * c) as u64;
+        let fingerprint = fingerprint_of_file(pending.path(), self.data_start, length)?;
+        let text = Companion::new(&self.meta, fingerprint).to_text()?;
+        beside.write((text + "\n").as_bytes())?;
+        pending.commit()?;
+        Ok(beside.commit()?)
     }
 }
 
@@ -102,16 +112,17 @@ impl Drop for Writer {
     }
 }
 
-/// Reads a .npy as a light field; C order view by view, Fortran order from memory.
+/// Reads a .npy as a light field: view by view where views are stored whole, else from memory.
 pub(super) struct Reader {
     path: PathBuf,
     meta: Meta,
     number: SampleFormat,
     scale: f32,
-    /// Where the data starts, and channels stored (4 where the last is dropped).
     start: u64,
-    stored: usize,
+    layout: ArrayLayout,
     whole: Option<SampleBlock>,
+    notes: Vec<String>,
+    length: u64,
 }
 
 impl Reader {
@@ -122,37 +133,173 @@ impl Reader {
         let number = sample_format(&header.descr).ok_or_else(|| {
             unsupported(path, format!("numbers of type {}; save the array as float32 or uint16", header.descr))
         })?;
-        let Some(scale) = number.kind.full_scale() else {
+        let Some(usual) = number.kind.full_scale() else {
             return Err(unsupported(path, format!("numbers of type {}", header.descr)));
         };
-        let (views, size, stored) =
-            interpret_shape(&header.shape, options).map_err(|reason| unsupported(path, reason))?;
-        let colour = options.colour.unwrap_or(ColourSpace::Srgb);
-        let meta = Meta::new(views, size, if stored == 4 { 3 } else { stored }, colour);
+        let layout = lay_out(&header.shape, header.fortran, options.axes.as_ref(), options.views)
+            .map_err(|reason| unsupported(path, reason))?;
+        let (views, size) = (layout.views, layout.size);
+        let meta = Meta::new(views, size, layout.channels(), options.colour.unwrap_or(ColourSpace::Srgb));
         meta.check().map_err(|e| unsupported(path, e.to_string()))?;
         // Meta::check bounds every factor, so the product stays far below 2^64.
-        let values = (views[0] * views[1]) as u64 * (size[0] * size[1] * stored) as u64;
-        let expected = start + values * number.kind.bytes() as u64;
-        if length < expected {
+        let values = (views[0] * views[1]) as u64 * (size[0] * size[1] * layout.stored) as u64;
+        let bytes = values * number.kind.bytes() as u64;
+        if length < start + bytes {
+            let expected = start + bytes;
             return Err(malformed(path, format!("ends early: {length} bytes, its header needs {expected}")));
         }
-        let whole = if header.fortran {
-            let (vu, ts) = ((views[0], views[1]), (size[0], size[1]));
-            // Fortran order: the first stored index runs fastest; which axes were stored does not change the order.
-            let strides = [1, vu.0, vu.0 * vu.1, vu.0 * vu.1 * ts.0, vu.0 * vu.1 * ts.0 * ts.1];
-            let strides = if header.running { [vu.1, 1, strides[2], strides[3], strides[4]] } else { strides };
-            let layout = BlockLayout { strides, number, scale };
-            Some(SampleBlock::read(path, start, values, layout)?)
-        } else {
-            None
-        };
-        Ok(Reader { path: path.to_path_buf(), meta, number, scale, start, stored, whole })
+        let path = path.to_path_buf();
+        let mut reader =
+            Reader { path, meta, number, scale: usual, start, layout, whole: None, notes: Vec::new(), length };
+        reader.describe(bytes, options)?;
+        if !options.header_only {
+            reader.examine(&header, values, options)?;
+        }
+        Ok(reader)
     }
+
+    /// Takes over the description beside the array, if it belongs to it.
+    fn describe(&mut self, bytes: u64, options: &ReadOptions) -> Result<(), Error> {
+        let beside = companion_path(&self.path);
+        let own = self.path.display().to_string();
+        // Arrays of one view, maps and masks among them, usually have none.
+        let assumed = || {
+            let colour = "sRGB-encoded values (--input-linear if they are linear light), no known pitch or method";
+            format!("{own}: no description beside it ({}); assumed: {colour}", beside.display())
+        };
+        if options.axes.is_some() || !beside.is_file() {
+            if options.colour.is_none() && self.meta.views != [1, 1] {
+                self.notes.push(assumed());
+            }
+            return Ok(());
+        }
+        let found = read_text(&beside).and_then(|text| Companion::from_text(&text)).and_then(|found| {
+            let fingerprint =
+                fingerprint_of_file(&self.path, self.start, bytes).map_err(|e| e.to_string())?;
+            found.of(&self.meta, &fingerprint)
+        });
+        match found {
+            Ok(meta) => self.meta = meta,
+            Err(why) => {
+                let text = format!("{own}: the description {} is left alone: {why}", beside.display());
+                self.notes.push(text);
+                self.notes.push(assumed());
+            }
+        }
+        Ok(())
+    }
+
+    /// Looks at the numbers: which of them is 1.0, whether all are numbers, what the fourth channel weighs.
+    fn examine(&mut self, header: &Header, values: u64, options: &ReadOptions) -> Result<(), Error> {
+        let ArrayLayout { strides, stored, .. } = self.layout;
+        let mut whole = if self.layout.has_whole_views() {
+            None
+        } else {
+            let layout = BlockLayout { strides, number: self.number, scale: 1.0 };
+            Some(SampleBlock::read(&self.path, self.start, values, layout)?)
+        };
+        let mut extent = Extent::default();
+        // A fourth channel is a weight, on whatever scale.
+        let mut weights = Vec::new();
+        if stored == 4 {
+            let [rows, columns] = self.meta.views;
+            let (t, s, _) = self.meta.view_shape();
+            for k in 0..rows * columns {
+                let view = self.stored_view(k / columns, k % columns, whole.as_ref(), (t, s, 4))?;
+                let mut sum = 0.0;
+                for pixel in view.chunks_exact(4 * self.number.kind.bytes()) {
+                    let (colour, weight) = pixel.split_at(3 * self.number.kind.bytes());
+                    extent.add(self.number, colour);
+                    sum += self.number.read(weight);
+                }
+                weights.push(sum / (t * s) as f64);
+            }
+        } else if let Some(whole) = &whole {
+            extent.add(self.number, whole.bytes());
+        } else if Extent::matters(self.number.kind) {
+            let (mut file, _) = open_regular(&self.path).map_err(io_at(&self.path))?;
+            file.seek(SeekFrom::Start(self.start)).map_err(io_at(&self.path))?;
+            let mut left = values * self.number.kind.bytes() as u64;
+            let mut buffer = vec![0; 1 << 20];
+            while left > 0 {
+                let part = &mut buffer[..left.min(1 << 20) as usize];
+                file.read_exact(part).map_err(io_at(&self.path))?;
+                extent.add(self.number, part);
+                left -= part.len() as u64;
+            }
+        }
+        if Extent::matters(self.number.kind) || options.full_scale.is_some() {
+            let place = |k: u64| place_in(k, header, stored);
+            let (scale, note) = full_scale(&self.path, self.number.kind, &extent, options.full_scale, place)?;
+            self.scale = scale;
+            self.notes.extend(note);
+        }
+        if let Some(block) = &mut whole {
+            block.set_scale(self.scale);
+        }
+        self.whole = whole;
+        if self.meta.weights.is_none() {
+            self.meta.weights = relative_weights(&weights);
+        }
+        Ok(())
+    }
+
+    /// A view's bytes as stored, channels last.
+    fn stored_view(
+        &self,
+        v: usize,
+        u: usize,
+        whole: Option<&SampleBlock>,
+        (t, s, c): (usize, usize, usize),
+    ) -> Result<Vec<u8>, Error> {
+        if let Some(whole) = whole {
+            return Ok(whole.stored_view(v, u, (t, s, c)));
+        }
+        let width = self.number.kind.bytes();
+        let [step_v, step_u, ..] = self.layout.strides;
+        let at = self.start + ((v * step_v + u * step_u) * width) as u64;
+        let (mut file, _) = open_regular(&self.path).map_err(io_at(&self.path))?;
+        file.seek(SeekFrom::Start(at)).map_err(io_at(&self.path))?;
+        let mut buffer = vec![0; t * s * c * width];
+        file.read_exact(&mut buffer).map_err(io_at(&self.path))?;
+        Ok(buffer)
+    }
+}
+
+/// Index of number `k` of those looked at, as NumPy counts.
+fn place_in(k: u64, header: &Header, stored: usize) -> String {
+    // Of arrays with a weight three of four numbers were looked at, in the order of views.
+    let mut k = if stored == 4 { k / 3 * 4 + k % 3 } else { k };
+    let mut index = vec![0; header.shape.len()];
+    let order: Vec<usize> =
+        if header.fortran && stored != 4 { (0..index.len()).collect() } else { (0..index.len()).rev().collect() };
+    for i in order {
+        let side = header.shape[i].max(1) as u64;
+        index[i] = k % side;
+        k /= side;
+    }
+    format!("{index:?}")
+}
+
+/// The text of a description beside an array.
+fn read_text(path: &Path) -> Result<Vec<u8>, String> {
+    let mut text = Vec::new();
+    let (file, _) = open_regular(path).map_err(|e| e.to_string())?;
+    file.take(MAX_TEXT).read_to_end(&mut text).map_err(|e| e.to_string())?;
+    Ok(text)
 }
 
 impl ViewSource for Reader {
     fn meta(&self) -> &Meta {
         &self.meta
+    }
+
+    fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    fn stored_bytes(&self) -> Option<u64> {
+        Some(self.length)
     }
 
     fn read(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {
@@ -161,15 +308,11 @@ impl ViewSource for Reader {
         let view = match &self.whole {
             Some(whole) => whole.view(v, u, (t, s, c)),
             None => {
-                let bytes = t * s * self.stored * self.number.kind.bytes();
-                let index = v * self.meta.views[1] + u;
-                let (mut file, _) = open_regular(&self.path).map_err(io_at(&self.path))?;
-                file.seek(SeekFrom::Start(self.start + index as u64 * bytes as u64)).map_err(io_at(&self.path))?;
-                let mut buffer = vec![0; bytes];
-                file.read_exact(&mut buffer).map_err(io_at(&self.path))?;
+                let stored = self.layout.stored;
+                let buffer = self.stored_view(v, u, None, (t, s, stored))?;
                 let mut values = self.number.read_all(&buffer, self.scale);
-                if self.stored != c {
-                    values = values.chunks_exact(self.stored).flat_map(|p| p[..c].iter().copied()).collect();
+                if stored != c {
+                    values = values.chunks_exact(stored).flat_map(|p| p[..c].iter().copied()).collect();
                 }
                 Array3::from_shape_vec((t, s, c), values).map_err(|e| malformed(&self.path, e.to_string()))?
             }
@@ -182,8 +325,6 @@ struct Header {
     descr: String,
     fortran: bool,
     shape: Vec<usize>,
-    /// Four dimensions of which the first counts the views.
-    running: bool,
 }
 
 /// The header's text and where the data starts.
@@ -233,9 +374,7 @@ fn parse_header(text: &str) -> Result<Header, String> {
     let shape = shape.split(',').map(str::trim).filter(|n| !n.is_empty());
     let shape: Result<Vec<usize>, String> =
         shape.map(|n| n.trim_end_matches('L').parse().map_err(|_| format!("shape has `{n}`"))).collect();
-    let shape = shape?;
-    let running = shape.len() == 4 && matches!(shape[3], 3 | 4);
-    Ok(Header { descr: descr.to_string(), fortran, shape, running })
+    Ok(Header { descr: descr.to_string(), fortran, shape: shape? })
 }
 
 fn sample_format(descr: &str) -> Option<SampleFormat> {
@@ -253,23 +392,4 @@ fn sample_format(descr: &str) -> Option<SampleFormat> {
         _ => return None,
     };
     Some(SampleFormat { kind, big_endian })
-}
-
-/// Views, size and stored channels of an array of this shape.
-fn interpret_shape(shape: &[usize], options: &ReadOptions) -> Result<([usize; 2], [usize; 2], usize), String> {
-    match *shape {
-        [v, u, t, s, c @ (1 | 3 | 4)] => Ok(([v, u], [t, s], c)),
-        [n, t, s, c @ (3 | 4)] => {
-            let side = n.isqrt();
-            match options.views {
-                Some([v, u]) if v.checked_mul(u) == Some(n) => Ok(([v, u], [t, s], c)),
-                None if side * side == n => Ok(([side, side], [t, s], c)),
-                _ => Err(format!("{n} views in a row: say how they are arranged with --views ROWSxCOLUMNS")),
-            }
-        }
-        [v, u, t, s] => Ok(([v, u], [t, s], 1)),
-        [t, s, c @ (1 | 3 | 4)] => Ok(([1, 1], [t, s], c)),
-        [t, s] => Ok(([1, 1], [t, s], 1)),
-        _ => Err(format!("an array of shape {shape:?}; a light field has shape (v, u, t, s, c) with c = 1 or 3")),
-    }
 }

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use ndarray::{Array5, s};
 
+use super::colour::ColourSpace;
 use super::error::{Error, io_at};
 use super::field::LightField;
 use super::format::{Format, ReadOptions};
@@ -11,6 +12,7 @@ use super::meta::Meta;
 use super::view_io::{ViewSink, ViewSource};
 use super::{directory, eslf, mat, npy, numbered, single};
 use crate::input::open_regular;
+use crate::picture_file::may_expand;
 
 /// Largest light field, bytes as f32, that [`load`] reads when its options give no limit.
 /// Source: chosen.
@@ -54,6 +56,25 @@ pub fn create(path: &Path, meta: Meta, format: Format, force: bool) -> Result<Bo
 /// # Errors
 /// When `path` is no readable light field, or its parts contradict each other.
 pub fn open(path: &Path, options: &ReadOptions) -> Result<Box<dyn ViewSource>, Error> {
+    let source = open_any(path, options)?;
+    let meta = source.meta();
+    let contradicts = |what: String| {
+        let path = path.display().to_string();
+        Err(Error::Unsupported { path, reason: format!("{what}; leave out the option, or mend the light field") })
+    };
+    if let Some([rows, columns]) = options.views
+        && meta.views != [rows, columns]
+    {
+        let [r, c] = meta.views;
+        return contradicts(format!("it has {r}x{c} views, not the {rows}x{columns} of --views"));
+    }
+    if options.colour == Some(ColourSpace::Linear) && meta.colour == ColourSpace::Srgb {
+        return contradicts("its description says that its values are sRGB-encoded, not linear light".into());
+    }
+    Ok(source)
+}
+
+fn open_any(path: &Path, options: &ReadOptions) -> Result<Box<dyn ViewSource>, Error> {
     let what = std::fs::metadata(path).map_err(io_at(path))?;
     if what.is_dir() {
         return Ok(if path.join(directory::DESCRIPTION).exists() {
@@ -70,7 +91,7 @@ pub fn open(path: &Path, options: &ReadOptions) -> Result<Box<dyn ViewSource>, E
     if head.starts_with(mat::MAGIC) {
         return Ok(Box::new(mat::open(path, options)?));
     }
-    Ok(match options.views {
+    Ok(match options.views.or_else(|| eslf::stated_views(path)) {
         Some(views) => Box::new(eslf::open(path, views, options)?),
         None => Box::new(single::SinglePicture::open(path, options)?),
     })
@@ -81,15 +102,26 @@ pub fn open(path: &Path, options: &ReadOptions) -> Result<Box<dyn ViewSource>, E
 /// # Errors
 /// As [`open`], and when it is larger than `options.max_bytes`.
 pub fn load(path: &Path, options: &ReadOptions) -> Result<LightField, Error> {
-    let source = open(path, options)?;
+    read_all(&*open(path, options)?, path, options.max_bytes)
+}
+
+/// Reads all views of `source`, the light field at `path`, into memory: at most `max_bytes`, 8 GiB if that is 0.
+///
+/// # Errors
+/// As [`load`].
+pub fn read_all(source: &dyn ViewSource, path: &Path, max_bytes: u64) -> Result<LightField, Error> {
     let meta = source.meta().clone();
     let [rows, columns] = meta.views;
     let (t, w, c) = meta.view_shape();
-    let limit = if options.max_bytes == 0 { MAX_BYTES } else { options.max_bytes };
+    let limit = if max_bytes == 0 { MAX_BYTES } else { max_bytes };
     let bytes = (rows * columns) as u64 * (t * w * c) as u64 * 4;
     if bytes > limit {
         let (mib, limit) = (bytes >> 20, limit >> 20);
         let reason = format!("needs {mib} MiB in memory, more than the limit of {limit} MiB");
+        return Err(Error::Unsupported { path: path.display().to_string(), reason });
+    }
+    if source.stored_bytes().is_some_and(|length| !may_expand(bytes / 4, length)) {
+        let reason = format!("its small files would need {} MiB in memory; they are damaged, or of one colour", bytes >> 20);
         return Err(Error::Unsupported { path: path.display().to_string(), reason });
     }
     let mut data = Array5::zeros((rows, columns, t, w, c));

@@ -29,7 +29,16 @@ pub trait ViewSink: Send {
 pub trait ViewSource: Send + Sync {
     /// Its description.
     fn meta(&self) -> &Meta;
-    /// Reads view (row `v`, column `u`), shape (t, s, c), values 0..1.
+    /// What was assumed in reading it, a sentence each, for the user to see; usually nothing.
+    fn notes(&self) -> &[String] {
+        &[]
+    }
+    /// Bytes of the files that it is read from, where they are few.
+    fn stored_bytes(&self) -> Option<u64> {
+        None
+    }
+    /// Reads view (row `v`, column `u`), shape (t, s, c), values 0..1. Of a view whose weight is 0 because it is absent
+    /// (see [`ReadOptions::partial`](super::ReadOptions)) all values are 0.
     ///
     /// # Errors
     /// When the view is missing or malformed.
@@ -50,9 +59,20 @@ pub(super) fn check_all_written(written: &[bool], columns: usize) -> Result<(), 
 
 /// Refuses values that are not numbers.
 pub(super) fn check_finite(path: &Path, v: usize, u: usize, view: Array3<f32>) -> Result<Array3<f32>, Error> {
-    if view.iter().all(|x| x.is_finite()) {
-        Ok(view)
-    } else {
-        Err(malformed(path, format!("view ({v}, {u}) has values that are not finite numbers")))
+    let Some((first, _)) = view.indexed_iter().find(|(_, x)| !x.is_finite()) else { return Ok(view) };
+    let count = view.iter().filter(|x| !x.is_finite()).count();
+    let (t, s, c) = first;
+    let reason = format!(
+        "view ({v}, {u}) has {count} values that are not finite numbers, the first at row {t}, column {s}, channel {c}"
+    );
+    Err(malformed(path, reason))
+}
+
+/// Weights of views by their means of a weight channel: 1 for the largest. `None` where all are the same.
+pub(super) fn relative_weights(means: &[f64]) -> Option<Vec<f32>> {
+    let most = means.iter().copied().fold(0.0, f64::max);
+    if !(most > 0.0 && most.is_finite()) || means.iter().all(|m| (m / most - 1.0).abs() < 1e-3) {
+        return None;
     }
+    Some(means.iter().map(|m| ((m / most) as f32).clamp(0.0, 1.0)).collect())
 }

@@ -3,14 +3,17 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
+use image::{DynamicImage, ImageDecoder};
 use lenslet_core::digest::sha256_hex;
+use lenslet_core::picture_file;
 
 use super::error::Error;
 
-/// Bytes that decoding one photo may take, and most bytes of its file.
+/// Most bytes of a photo's file.
 /// Source: chosen; twice the default of the `image` crate.
-const MEMORY: u64 = 1 << 30;
+const LONGEST: u64 = 1 << 30;
+/// Bytes taken for each pixel of a photo besides the decoded picture: its luminance.
+const WORKING: u64 = 4;
 
 /// A decoded photo, turned upright by its EXIF orientation.
 pub(crate) struct DecodedPhoto {
@@ -28,16 +31,12 @@ pub(crate) fn decode_photo(path: &Path, least: usize, most: usize) -> Result<Dec
     let unread = |reason| Error::Read { path: path.to_path_buf(), reason };
     let undecoded = |reason| Error::Decode { path: path.to_path_buf(), reason };
     let length = std::fs::metadata(path).map_err(unread)?.len();
-    if length > MEMORY {
+    if length > LONGEST {
         return Err(Error::TooLong { path: path.to_path_buf(), length });
     }
-    let bytes = lenslet_core::input::read_regular(path, MEMORY).map_err(unread)?;
-    let mut reader = ImageReader::new(Cursor::new(&bytes)).with_guessed_format().map_err(unread)?;
-    let mut limits = Limits::default();
-    limits.max_alloc = Some(MEMORY);
-    reader.limits(limits);
-    let mut decoder = reader.into_decoder().map_err(undecoded)?;
-    let orientation = decoder.orientation().map_err(undecoded)?;
+    let bytes = lenslet_core::input::read_regular(path, LONGEST).map_err(unread)?;
+    let mut decoder = picture_file::open_decoder(Cursor::new(&bytes), length, WORKING).map_err(undecoded)?;
+    let orientation = decoder.orientation().map_err(|e| undecoded(e.into()))?;
     let (width, height) = decoder.dimensions();
     let (width, height) = (width as usize, height as usize);
     if width.min(height) < least {
@@ -46,7 +45,7 @@ pub(crate) fn decode_photo(path: &Path, least: usize, most: usize) -> Result<Dec
     if width.saturating_mul(height) > most {
         return Err(Error::TooManyPixels { path: path.to_path_buf(), width, height });
     }
-    let mut picture = DynamicImage::from_decoder(decoder).map_err(undecoded)?;
+    let mut picture = picture_file::decode_pixels(decoder).map_err(undecoded)?;
     picture.apply_orientation(orientation);
     Ok(DecodedPhoto { picture, sha256: sha256_hex(&bytes) })
 }

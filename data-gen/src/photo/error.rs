@@ -22,7 +22,7 @@ pub enum Error {
         /// Which file.
         path: PathBuf,
         /// The decoder's reason.
-        reason: image::ImageError,
+        reason: lenslet_core::picture_file::Error,
     },
     /// A file is longer than any photo.
     #[error("photo {}: {length} bytes are too many for a photo", path.display())]

@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use lenslet_core::picture_file::{ENDINGS, UNREAD_ENDINGS};
+
 use super::error::Error;
 
-/// File names (lower case) that count as photos when a folder is searched.
-const EXTENSIONS: [&str; 8] = ["jpg", "jpeg", "png", "tif", "tiff", "ppm", "pgm", "pnm"];
 
 /// Folders within folders that are searched.
 /// Source: chosen.
@@ -40,10 +40,16 @@ fn collect_photos(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) -> std:
             }
         } else {
             let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-            if extension.is_some_and(|e| EXTENSIONS.contains(&e.as_str())) && path.is_file() {
+            if extension.is_some_and(|e| is_photo_ending(&e)) && path.is_file() {
                 found.push(path);
             }
         }
     }
     Ok(())
+}
+
+/// Endings that count as photos when a folder is searched. Those of formats that are not read count too, so that what
+/// is left out of a folder is said.
+fn is_photo_ending(ending: &str) -> bool {
+    ENDINGS.contains(&ending) || UNREAD_ENDINGS.iter().any(|(unread, _)| *unread == ending)
 }

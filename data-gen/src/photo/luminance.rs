@@ -30,7 +30,8 @@ pub struct LuminancePhoto {
 /// they are, linear ones are encoded first, channel by channel.
 ///
 /// # Errors
-/// When the file cannot be read or decoded, takes more than 1 GiB, is smaller than `least` pixels a side, or of one
+/// When the file cannot be read or decoded, needs more memory than a file of its length
+/// may take, is smaller than `least` pixels a side, or of one
 /// colour.
 pub fn load_luminance(path: &Path, least: usize, encoding: ColourSpace) -> Result<LuminancePhoto, Error> {
     let decoded = decode_photo(path, least, usize::MAX)?;
@@ -44,17 +45,32 @@ pub fn load_luminance(path: &Path, least: usize, encoding: ColourSpace) -> Resul
 }
 
 fn luminance_of(photo: &DynamicImage, encoding: ColourSpace) -> Array2<f32> {
-    let mut rgb = photo.to_rgb32f();
-    let (w, h) = rgb.dimensions();
-    if encoding == ColourSpace::Linear {
-        rgb.iter_mut().for_each(|v| *v = srgb_encode(*v));
-    }
-    let weigh = |p: &[f32]| {
+    let (w, h) = (photo.width() as usize, photo.height() as usize);
+    let encode = |v: f32| if encoding == ColourSpace::Linear { srgb_encode(v) } else { v };
+    let weigh = |p: [f32; 3]| {
+        let p = p.map(encode);
         let y = LUMINANCE[0] * p[0] + LUMINANCE[1] * p[1] + LUMINANCE[2] * p[2];
         if y.is_finite() { y.clamp(0.0, 1.0) } else { 0.0 }
     };
-    let values: Vec<f32> = rgb.as_raw().chunks_exact(3).map(weigh).collect();
-    Array2::from_shape_vec((h as usize, w as usize), values).unwrap_or_default()
+    // Pixel by pixel, without a copy of the photo in floating point.
+    fn gather<T: Copy>(raw: &[T], channels: usize, one: impl Fn(T) -> f32, weigh: impl Fn([f32; 3]) -> f32) -> Vec<f32> {
+        // One channel, or one and alpha: grey.
+        let colour = |p: &[T]| if channels < 3 { [one(p[0]); 3] } else { [one(p[0]), one(p[1]), one(p[2])] };
+        raw.chunks_exact(channels).map(|p| weigh(colour(p))).collect()
+    }
+    let (eight, sixteen) = (|v: u8| f32::from(v) / 255.0, |v: u16| f32::from(v) / 65535.0);
+    let values: Vec<f32> = match photo {
+        DynamicImage::ImageLuma8(p) => gather(p.as_raw(), 1, eight, weigh),
+        DynamicImage::ImageLumaA8(p) => gather(p.as_raw(), 2, eight, weigh),
+        DynamicImage::ImageRgb8(p) => gather(p.as_raw(), 3, eight, weigh),
+        DynamicImage::ImageRgba8(p) => gather(p.as_raw(), 4, eight, weigh),
+        DynamicImage::ImageLuma16(p) => gather(p.as_raw(), 1, sixteen, weigh),
+        DynamicImage::ImageLumaA16(p) => gather(p.as_raw(), 2, sixteen, weigh),
+        DynamicImage::ImageRgb16(p) => gather(p.as_raw(), 3, sixteen, weigh),
+        DynamicImage::ImageRgba16(p) => gather(p.as_raw(), 4, sixteen, weigh),
+        other => gather(other.to_rgb32f().as_raw(), 3, |v: f32| v, weigh),
+    };
+    Array2::from_shape_vec((h, w), values).unwrap_or_default()
 }
 
 #[cfg(test)]

@@ -2,9 +2,9 @@
 //! WebGL2, in a plain canvas where there is none.
 
 use lenslet_views::disparity::DepthOrder;
-use ndarray::{Array2, ArrayView5, s};
+use ndarray::{Array2, ArrayView5, Axis, s};
 use rayon::prelude::*;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::error::{Error, ensure_parameter, ensure_shape};
 use crate::image_io::{Picture, shrink};
@@ -17,6 +17,10 @@ pub struct ViewSet {
     pub name: String,
     /// Pictures, row after row of views, all of one size.
     pub views: Vec<Picture>,
+    /// Disparity of the middle view in pixels of the pictures per view step, of the pictures' size.
+    pub disparity: Array2<f32>,
+    /// Which disparities are in front.
+    pub order: DepthOrder,
 }
 
 /// All that a page needs.
@@ -26,22 +30,29 @@ pub struct ViewerContent {
     pub title: String,
     /// Rows and columns of views.
     pub views: (usize, usize),
-    /// One or more light fields of the same capture, of one size.
+    /// One or more light fields, of one size and number of views.
     pub sets: Vec<ViewSet>,
-    /// Disparity of the middle view in pixels of the pictures per view step, of the pictures' size.
-    pub disparity: Array2<f32>,
-    /// Which disparities are in front.
-    pub order: DepthOrder,
 }
 
-/// Views of a light field (v, u, t, s, c) in linear light as pictures of at most `side` pixels, under the name `name`.
-pub fn shrink_views(name: &str, data: &ArrayView5<f32>, side: usize) -> ViewSet {
+/// Views of a light field (v, u, t, s, c) in linear light as pictures of at most `side` pixels, under the name `name`, with
+/// the disparity of its middle view (t, s), nearer by `order`.
+pub fn shrink_views(
+    name: &str,
+    data: &ArrayView5<f32>,
+    side: usize,
+    disparity: &Array2<f32>,
+    order: DepthOrder,
+) -> ViewSet {
     let (rows, columns, ..) = data.dim();
     let one = |k: usize| {
         let view = data.slice(s![k / columns, k % columns, .., .., ..]);
         Picture::from_linear(&shrink(&view, side).view())
     };
-    ViewSet { name: name.to_string(), views: (0..rows * columns).into_par_iter().map(one).collect() }
+    let small = shrink(&disparity.view().insert_axis(Axis(2)), side);
+    let factor = small.dim().1 as f32 / disparity.dim().1.max(1) as f32;
+    let disparity = small.index_axis(Axis(2), 0).mapv(|d| d * factor);
+    let views = (0..rows * columns).into_par_iter().map(one).collect();
+    ViewSet { name: name.to_string(), views, disparity, order }
 }
 
 /// The page, with the pictures as JPEG of at most `quality` (1 to 100); lower where the page would exceed `max_bytes`.
@@ -59,9 +70,7 @@ pub fn shrink_views(name: &str, data: &ArrayView5<f32>, side: usize) -> ViewSet 
 /// let content = ViewerContent {
 ///     title: "A wall & nothing else".into(),
 ///     views: (3, 3),
-///     sets: vec![shrink_views("decoded", &field.view(), 720)],
-///     disparity: Array2::zeros((12, 16)),
-///     order: DepthOrder::NearerIsSmaller,
+///     sets: vec![shrink_views("decoded", &field.view(), 720, &Array2::zeros((12, 16)), DepthOrder::NearerIsSmaller)],
 /// };
 /// let html = viewer_page(&content, 80, 1 << 20)?;
 /// assert!(html.contains("<title>A wall &amp; nothing else</title>"));
@@ -82,33 +91,28 @@ pub fn viewer_page(content: &ViewerContent, quality: u8, max_bytes: usize) -> Re
             set.name
         );
     }
-    ensure_shape!(content.disparity.dim() == (height, width), "the disparity has another size than the pictures");
-    let low = content.disparity.iter().copied().fold(f32::INFINITY, f32::min);
-    let high = content.disparity.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-    ensure_parameter!(low.is_finite() && high.is_finite(), "the disparity has values that are not numbers");
-    let (low, high) = if high - low < 0.1 { (low - 0.05, high + 0.05) } else { (low, high) };
-    let depth = grey_picture(&content.disparity, low, high).to_png()?;
-    let mut list: Vec<f32> = content.disparity.iter().copied().collect();
-    list.sort_unstable_by(f32::total_cmp);
-    let start = list[list.len() / 2];
+    let reliefs = content.sets.iter().map(|set| relief(set, (height, width))).collect::<Result<Vec<_>, Error>>()?;
 
     let mut quality = quality.clamp(1, 100);
     loop {
         let sets = content
             .sets
             .iter()
-            .map(|set| {
+            .zip(&reliefs)
+            .map(|(set, relief)| {
                 let views = set
                     .views
                     .par_iter()
                     .map(|p| Ok(base64_of(&p.to_jpeg(quality)?)))
                     .collect::<Result<Vec<String>, Error>>()?;
-                Ok(json!({ "name": set.name, "views": views }))
+                let mut one = relief.clone();
+                one["name"] = json!(set.name);
+                one["views"] = json!(views);
+                Ok(one)
             })
             .collect::<Result<Vec<_>, Error>>()?;
         let data = json!({
-            "rows": rows, "columns": columns, "width": width, "height": height, "low": low, "high": high, "start": start,
-            "front": content.order.sign(), "depth": base64_of(&depth), "sets": sets,
+            "rows": rows, "columns": columns, "width": width, "height": height, "sets": sets,
         });
         let html = fill(&content.title, &data.to_string());
         if html.len() <= max_bytes {
@@ -119,6 +123,21 @@ pub fn viewer_page(content: &ViewerContent, quality: u8, max_bytes: usize) -> Re
         }
         quality -= 10;
     }
+}
+
+/// The disparity of a set as the page reads it.
+fn relief(set: &ViewSet, size: (usize, usize)) -> Result<Value, Error> {
+    let name = &set.name;
+    ensure_shape!(set.disparity.dim() == size, "the disparity of {name} has another size than its pictures");
+    let low = set.disparity.iter().copied().fold(f32::INFINITY, f32::min);
+    let high = set.disparity.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+    ensure_parameter!(low.is_finite() && high.is_finite(), "the disparity of {name} has values that are not numbers");
+    let (low, high) = if high - low < 0.1 { (low - 0.05, high + 0.05) } else { (low, high) };
+    let depth = grey_picture(&set.disparity, low, high).to_png()?;
+    let mut list: Vec<f32> = set.disparity.iter().copied().collect();
+    list.sort_unstable_by(f32::total_cmp);
+    let start = list[list.len() / 2];
+    Ok(json!({ "low": low, "high": high, "start": start, "front": set.order.sign(), "depth": base64_of(&depth) }))
 }
 
 fn grey_picture(disparity: &Array2<f32>, low: f32, high: f32) -> Picture {
@@ -155,14 +174,10 @@ mod tests {
 
     fn content(title: &str) -> ViewerContent {
         let views = (0..9).map(|k| Picture { width: 16, height: 12, rgb: vec![k as u8 * 20; 16 * 12 * 3] }).collect();
-        let sets = vec![ViewSet { name: "</script><img src=x>".into(), views }];
-        ViewerContent {
-            title: title.into(),
-            views: (3, 3),
-            sets,
-            disparity: Array2::from_elem((12, 16), 0.5),
-            order: DepthOrder::NearerIsSmaller,
-        }
+        let disparity = Array2::from_elem((12, 16), 0.5);
+        let order = DepthOrder::NearerIsSmaller;
+        let sets = vec![ViewSet { name: "</script><img src=x>".into(), views, disparity, order }];
+        ViewerContent { title: title.into(), views: (3, 3), sets }
     }
 
     #[test]

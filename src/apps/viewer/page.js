@@ -59,15 +59,17 @@ $("view").addEventListener("webglcontextlost", async () => {
 
 // Depth of the middle view, for focusing at the pointer.
 let depth = null;
-async function readDepth() {
-  const image = await bitmap(data.depth, "image/png");
+async function readDepth(k) {
+  const set = data.sets[k], image = await bitmap(set.depth, "image/png");
+  if (chosen !== k) return;
+  ({ low, high } = set);
   const c = new OffscreenCanvas(width, height).getContext("2d");
   c.drawImage(image, 0, 0, width, height);
   depth = c.getImageData(0, 0, width, height).data;
   const o = $("depth").getContext("2d"), over = o.createImageData(width, height);
   const stops = [[48, 18, 92], [59, 82, 139], [33, 145, 140], [94, 201, 98], [190, 223, 38], [253, 245, 160]];
   for (let i = 0; i < depth.length; i += 4) {
-    const x = (5 * (data.front < 0 ? 255 - depth[i] : depth[i])) / 255, k = Math.min(4, Math.floor(x)), f = x - k;
+    const x = (5 * (set.front < 0 ? 255 - depth[i] : depth[i])) / 255, k = Math.min(4, Math.floor(x)), f = x - k;
     for (let c = 0; c < 3; c++) over.data[i + c] = stops[k][c] * (1 - f) + stops[k + 1][c] * f;
     over.data[i + 3] = 255;
   }
@@ -83,7 +85,14 @@ async function choose(k) {
   const images = await load(k);
   if (chosen !== k) return;
   painter.fill(k, images);
+  // A light field of another depth is focused anew, in its middle.
+  if (state.set !== k && data.sets[k].depth !== data.sets[state.set].depth && ready) {
+    const { low: from, high: to, start } = data.sets[k];
+    if (state.target < from || state.target > to) state.target = start;
+  }
   state.set = k;
+  await readDepth(k);
+  if (chosen !== k) return;
   [...$("methods").children].forEach((b, i) => b.setAttribute("aria-pressed", String(i === k)));
   ready = true;
   change();
@@ -167,7 +176,7 @@ $("show-epi").addEventListener("click", () => {
   strip(height / 2);
 });
 const reset = () => {
-  Object.assign(state, { target: data.start, u: 0, v: 0, aperture: 1 });
+  Object.assign(state, { target: data.sets[state.set].start, u: 0, v: 0, aperture: 1 });
   change();
 };
 $("reset").addEventListener("click", reset);
@@ -207,12 +216,10 @@ async function strip(y) {
 }
 
 (async () => {
-  const depthReady = readDepth();
   await choose(0);
   show();
   // Milliseconds from the start of loading to the first picture.
   document.documentElement.dataset.opened = Math.round(performance.now());
-  await depthReady;
   $("status").textContent = `${rows}×${columns} views of ${width}×${height}, ${painter.name}.`;
   for (const part of options) {
     const [key, value] = part.split("=");

@@ -1,10 +1,12 @@
 // What is shown, and the two ways to draw it. Everything drawn follows from `state`.
 const $ = (id) => document.getElementById(id);
 const data = JSON.parse($("data").textContent);
-const { rows, columns, width, height, low, high } = data;
+const { rows, columns, width, height } = data;
+// The disparities of the set shown.
+let { low, high } = data.sets[0];
 const centre = { u: Math.floor(columns / 2), v: Math.floor(rows / 2) };
 const reach = Math.max(1, centre.u, centre.v);
-const state = { focus: data.start, target: data.start, u: 0, v: 0, aperture: 1, set: 0, scale: 1 };
+const state = { focus: data.sets[0].start, target: data.sets[0].start, u: 0, v: 0, aperture: 1, set: 0, scale: 1 };
 const options = new Set(location.hash.slice(1).split(","));
 
 const bitmap = (text, type) => {

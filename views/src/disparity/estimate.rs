@@ -6,6 +6,7 @@ use ndarray::{Array2, ArrayView5, s};
 use rayon::prelude::*;
 
 use super::error::Error;
+use super::light::ViewLight;
 use super::options::Options;
 use super::planes::luminance;
 use super::range::find_range;
@@ -20,6 +21,26 @@ pub struct Disparity {
     pub disparity: Array2<f32>,
     /// Confidence, 0 (filled from the surroundings) to 1, shape (t, s).
     pub confidence: Array2<f32>,
+    /// The range that was searched, pixels per view step; `None` where nothing was.
+    pub searched: Option<(f32, f32)>,
+}
+
+impl Disparity {
+    /// Share of the pixels, by their confidence, whose disparity lies at an end of the range that was searched: more
+    /// than a few hundredths mean that the true ones lie beyond it.
+    #[must_use]
+    pub fn share_at_ends(&self) -> f32 {
+        let Some((low, high)) = self.searched else { return 0.0 };
+        let near = 0.01 * (high - low);
+        let (mut at, mut all) = (0f64, 1e-9);
+        for (d, c) in self.disparity.iter().zip(&self.confidence) {
+            all += f64::from(*c);
+            if *d <= low + near || *d >= high - near {
+                at += f64::from(*c);
+            }
+        }
+        (at / all) as f32
+    }
 }
 
 /// Estimates the disparity of the reference view of the light field `data` (v, u, t, s, c).
@@ -36,12 +57,20 @@ pub fn estimate_disparity(
     if rows * columns < 2 || height == 0 || width == 0 {
         return Err(Error::Shape(format!("{rows}x{columns} views of {width}x{height}, {channels} channels")));
     }
+    let light = match &options.weights {
+        Some(weights) => ViewLight { weights: weights.clone(), gains: vec![1.0; rows * columns] },
+        None => ViewLight::of(data, options.linear, None),
+    };
     let grid: Vec<Vec<Plane>> = (0..rows)
         .into_par_iter()
         .map(|v| {
             (0..columns)
                 .map(|u| {
                     let mut plane = luminance(&data.slice(s![v, u, .., .., ..]))?;
+                    let gain = light.gains[v * columns + u];
+                    if options.linear && gain != 1.0 {
+                        plane.data.iter_mut().for_each(|x| *x *= gain);
+                    }
                     if options.linear {
                         plane.data.iter_mut().for_each(|x| *x = x.max(0.0).sqrt());
                     }
@@ -50,7 +79,23 @@ pub fn estimate_disparity(
                 .collect()
         })
         .collect::<Result<_, Error>>()?;
-    estimate_planes(grid, options, observer)
+    let options = Options { weights: Some(light.weights), ..options.clone() };
+    estimate_planes(grid, &options, observer)
+}
+
+/// The range of disparities that [`estimate_disparity`] would search, output pixels per view step.
+///
+/// # Errors
+/// As [`estimate_disparity`].
+pub fn find_disparity_range(
+    data: &ArrayView5<f32>,
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<(f32, f32), Error> {
+    // Half the side is enough for the range, and a quarter of the work.
+    let coarse = Options { side: options.side.min(200), ..options.clone() };
+    let found = estimate_disparity(data, &coarse, observer)?;
+    Ok(found.searched.unwrap_or((-options.limit, options.limit)))
 }
 
 /// As [`estimate_disparity`], from planes `grid[v][u]` of equal size.
@@ -74,9 +119,9 @@ pub fn estimate_planes(
         return Err(Error::Shape(format!("views of different sizes, the first {width}x{height}")));
     }
     let positive = |x: f32| x.is_finite() && x > 0.0;
-    if !positive(options.limit) || !positive(options.step) || !positive(options.truncation) || options.side < 16 {
+    if !positive(options.limit) || !positive(options.widest) || !positive(options.step) || !positive(options.truncation) || options.side < 16 {
         return Err(Error::Parameter(
-            "disparity: limit, step and truncation must be positive, side at least 16".into(),
+            "disparity: limit, widest, step and truncation must be positive, side at least 16".into(),
         ));
     }
     if !(0.0..=1.0).contains(&options.specks) {
@@ -90,6 +135,13 @@ pub fn estimate_planes(
     let at = options.reference.unwrap_or((rows / 2, columns / 2));
     if at.0 >= rows || at.1 >= columns {
         return Err(Error::Parameter(format!("disparity: there is no view {},{} in {rows}x{columns}", at.0, at.1)));
+    }
+    if let Some(weights) = &options.weights {
+        let used = weights.iter().filter(|w| **w > 0.0).count();
+        if weights.len() != rows * columns || used < 2 || !options.uses(at.0 * columns + at.1) {
+            let reason = format!("{used} of {rows}x{columns} views hold light, and the one in the middle must be one of them");
+            return Err(Error::Shape(reason));
+        }
     }
     let halve = |grid: &[Vec<Plane>]| -> Vec<Vec<Plane>> {
         grid.par_iter().map(|r| r.iter().map(Plane::halved).collect()).collect()
@@ -114,10 +166,10 @@ pub fn estimate_planes(
     let mut found = search(&grid, at, range, options, observer)?;
     let side = (options.specks * grid[0][0].width.max(grid[0][0].height) as f32) as usize;
     // Jumps by which a patch moves a pixel or more against its surroundings in the outermost view.
-    let jump = 1.0 / outermost_step(&grid, at).max(1.0);
+    let jump = 1.0 / outermost_step(&grid, at, options).max(1.0);
     specks::fill(&mut found.disparity, &mut found.confidence, grid[0][0].width, jump, side);
     let (disparity, confidence) = enlarge(&found, &grid[0][0], (width, height), scale);
-    Ok(Disparity { disparity, confidence })
+    Ok(Disparity { disparity, confidence, searched: Some((range.0 * scale, range.1 * scale)) })
 }
 
 #[cfg(test)]
@@ -174,7 +226,7 @@ mod tests {
         for d in [0.83f32, -0.4] {
             let grid = scene(7, 96, 80, |_, _| d);
             for shear in [d - 0.15, d, d + 0.15] {
-                let found = tensor::slopes(&grid, (3, 3), shear, 1);
+                let found = tensor::slopes(&grid, (3, 3), shear, 1, &|_| true);
                 let errors = inner_errors(&found.disparity, 96, 80, |_, _| d);
                 let rms = (errors.iter().map(|e| e * e).sum::<f32>() / errors.len() as f32).sqrt();
                 assert!(rms < 0.02, "disparity {d} sheared by {shear}: rms {rms}");

@@ -26,7 +26,7 @@ pub(super) fn search(
 ) -> Result<Found, Error> {
     let reference = &grid[at.0][at.1];
     let (w, h) = (reference.width, reference.height);
-    let list = hypotheses(range, options.step, outermost_step(grid, at));
+    let list = hypotheses(range, options.step, outermost_step(grid, at, options));
     let spacing = list[1] - list[0];
     observer.begin("disparity", list.len() as u64);
     let volume = cost_volume(grid, at, list, 2, options, observer)?;
@@ -48,7 +48,7 @@ pub(super) fn search(
         *c = confidence_of(mean, volume.planes[best][k]);
     });
     drop(total);
-    refine_by_tensor(grid, at, &mut found, &volume);
+    refine_by_tensor(grid, at, &mut found, &volume, options);
     found.disparity = regularise::weighted_median(&found.disparity, &found.confidence, reference, 2, 0.03);
     Ok(found)
 }
@@ -65,13 +65,19 @@ fn vertex(costs: &[f32], best: usize) -> f32 {
 
 /// Sub-pixel: the slope of the EPI structure tensor, sheared near the disparity found, is taken where the lines are
 /// coherent and it lowers the matching cost.
-fn refine_by_tensor(grid: &[Vec<Plane>], at: (usize, usize), found: &mut Found, volume: &sweep::Volume) {
+fn refine_by_tensor(
+    grid: &[Vec<Plane>],
+    at: (usize, usize),
+    found: &mut Found,
+    volume: &sweep::Volume,
+    options: &Options,
+) {
     let (lo, hi) = found.disparity.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), &d| (a.min(d), b.max(d)));
     let gap = 0.4;
     let n = ((hi - lo) / gap).ceil().clamp(1.0, 64.0) as usize;
     let width = (hi - lo) / n as f32;
     let shears: Vec<f32> = (0..n).map(|k| lo + width * (k as f32 + 0.5)).collect();
-    let tensors: Vec<_> = shears.par_iter().map(|&shear| tensor::slopes(grid, at, shear, 2)).collect();
+    let tensors: Vec<_> = shears.par_iter().map(|&shear| tensor::slopes(grid, at, shear, 2, &|k| options.uses(k))).collect();
     let spacing = volume.hypotheses[1] - volume.hypotheses[0];
     let cost = |k: usize, d: f32| {
         let place = ((d - volume.hypotheses[0]) / spacing).clamp(0.0, (volume.planes.len() - 1) as f32);

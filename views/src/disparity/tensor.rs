@@ -17,8 +17,14 @@ pub struct Slopes {
 
 /// Tensor over the EPIs sheared by `shear`, horizontal (all rows of views) and vertical (all columns) together. Lines
 /// within about one pixel per view step of the shear are measured well. `grid[v][u]` are the views, `at` the reference
-/// (v, u).
-pub fn slopes(grid: &[Vec<Plane>], at: (usize, usize), shear: f32, radius: usize) -> Slopes {
+/// (v, u); views that `uses` denies, counted row by row, are left out.
+pub fn slopes(
+    grid: &[Vec<Plane>],
+    at: (usize, usize),
+    shear: f32,
+    radius: usize,
+    uses: &(dyn Fn(usize) -> bool + Sync),
+) -> Slopes {
     let reference = &grid[at.0][at.1];
     let (w, h) = (reference.width, reference.height);
     let mut tensor = [vec![0f32; w * h], vec![0f32; w * h], vec![0f32; w * h]];
@@ -42,22 +48,29 @@ pub fn slopes(grid: &[Vec<Plane>], at: (usize, usize), shear: f32, radius: usize
     for t in 0..h {
         fill((t + 1).min(h - 1), &mut below, &mut scratch);
         let [jss, jsu, juu] = &mut tensor;
-        for line in warped.iter().filter(|_| columns > 1) {
-            regress(line.iter().map(|r| r.as_slice()), columns, &mut mean_row, &mut slope);
+        for (v, line) in warped.iter().enumerate().filter(|_| columns > 1) {
+            let used = |u: usize| uses(v * columns + u);
+            if !regress(line.iter().map(|r| r.as_slice()), columns, &used, &mut mean_row, &mut slope) {
+                continue;
+            }
             for s in 1..w.saturating_sub(1) {
                 add(jss, jsu, juu, t * w + s, 0.5 * (mean_row[s + 1] - mean_row[s - 1]), slope[s]);
             }
         }
         for u in (0..columns).filter(|_| rows > 1) {
-            regress(warped.iter().map(|l| l[u].as_slice()), rows, &mut mean_row, &mut slope);
+            let used = |v: usize| uses(v * columns + u);
+            if !regress(warped.iter().map(|l| l[u].as_slice()), rows, &used, &mut mean_row, &mut slope) {
+                continue;
+            }
             mean_row.fill(0.0);
-            for (a, b) in above.iter().zip(&below) {
+            let count = (0..rows).filter(|&v| used(v)).count();
+            for (_, (a, b)) in above.iter().zip(&below).enumerate().filter(|(v, _)| used(*v)) {
                 for ((m, x), y) in mean_row.iter_mut().zip(&a[u]).zip(&b[u]) {
                     *m += y - x;
                 }
             }
             for s in 0..w {
-                add(jss, jsu, juu, t * w + s, 0.5 * mean_row[s] / rows as f32, slope[s]);
+                add(jss, jsu, juu, t * w + s, 0.5 * mean_row[s] / count as f32, slope[s]);
             }
         }
         std::mem::swap(&mut above, &mut warped);
@@ -91,17 +104,29 @@ fn add(jss: &mut [f32], jsu: &mut [f32], juu: &mut [f32], k: usize, ls: f32, lu:
     juu[k] += lu * lu;
 }
 
-/// Mean and slope over `n` evenly spaced rows, column by column.
-fn regress<'a>(rows: impl Iterator<Item = &'a [f32]>, n: usize, mean: &mut [f32], slope: &mut [f32]) {
+/// Mean and slope over those of `n` evenly spaced rows that are `used`, column by column; false where these are fewer
+/// than two.
+fn regress<'a>(
+    rows: impl Iterator<Item = &'a [f32]>,
+    n: usize,
+    used: &dyn Fn(usize) -> bool,
+    mean: &mut [f32],
+    slope: &mut [f32],
+) -> bool {
     mean.fill(0.0);
     slope.fill(0.0);
-    let middle = (n as f32 - 1.0) / 2.0;
-    let squares: f32 = (0..n).map(|k| (k as f32 - middle).powi(2)).sum();
-    for (k, row) in rows.enumerate() {
-        let (share, weight) = (1.0 / n as f32, (k as f32 - middle) / squares.max(1e-6));
+    let count = (0..n).filter(|&k| used(k)).count();
+    if count < 2 {
+        return false;
+    }
+    let middle = (0..n).filter(|&k| used(k)).map(|k| k as f32).sum::<f32>() / count as f32;
+    let squares: f32 = (0..n).filter(|&k| used(k)).map(|k| (k as f32 - middle).powi(2)).sum();
+    for (k, row) in rows.enumerate().filter(|(k, _)| used(*k)) {
+        let (share, weight) = (1.0 / count as f32, (k as f32 - middle) / squares.max(1e-6));
         for ((m, s), &v) in mean.iter_mut().zip(slope.iter_mut()).zip(row) {
             *m += share * v;
             *s += weight * v;
         }
     }
+    true
 }

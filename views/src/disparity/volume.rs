@@ -8,11 +8,11 @@ use super::error::Error;
 use super::options::Options;
 use super::sweep;
 
-fn placed(grid: &[Vec<Plane>], at: (usize, usize)) -> Vec<sweep::Placed<'_>> {
+fn placed<'a>(grid: &'a [Vec<Plane>], at: (usize, usize), options: &Options) -> Vec<sweep::Placed<'a>> {
     let mut out = Vec::new();
     for (v, row) in grid.iter().enumerate() {
         for (u, plane) in row.iter().enumerate() {
-            if (v, u) != at {
+            if (v, u) != at && options.uses(v * row.len() + u) {
                 out.push((plane, u as f32 - at.1 as f32, v as f32 - at.0 as f32));
             }
         }
@@ -26,10 +26,11 @@ pub(super) fn hypotheses(range: (f32, f32), step: f32, reach: f32) -> Vec<f32> {
     (0..=n).map(|k| range.0 + (range.1 - range.0) * k as f32 / n as f32).collect()
 }
 
-/// View steps from the reference view to the furthest one.
-pub(super) fn outermost_step(grid: &[Vec<Plane>], at: (usize, usize)) -> f32 {
+/// View steps from the reference view to the furthest one in use.
+pub(super) fn outermost_step(grid: &[Vec<Plane>], at: (usize, usize), options: &Options) -> f32 {
     let (rows, columns) = (grid.len(), grid[0].len());
-    at.0.max(rows - 1 - at.0).max(at.1).max(columns - 1 - at.1) as f32
+    let step = |k: usize| (k / columns).abs_diff(at.0).max((k % columns).abs_diff(at.1));
+    (0..rows * columns).filter(|&k| options.uses(k)).map(step).max().unwrap_or(0) as f32
 }
 
 /// Costs of all hypotheses, gathered along edges.
@@ -42,7 +43,7 @@ pub(super) fn cost_volume(
     observer: &dyn Observer,
 ) -> Result<sweep::Volume, Error> {
     let reference = &grid[at.0][at.1];
-    let views = placed(grid, at);
+    let views = placed(grid, at, options);
     let robust = sweep::Robust { truncation: options.truncation, half_penalty: 0.5 };
     let guide =
         GuidedFilter::new(&reference.data, reference.width, reference.height, radius, 1e-4, BoxMeans::OneThread);

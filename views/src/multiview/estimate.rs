@@ -10,7 +10,7 @@ use super::refine_disparity::refine_disparity;
 use super::sample_set::SampleSet;
 use super::view_disparities::{ViewDisparities, view_offset};
 use crate::Error;
-use crate::disparity::{self, DepthOrder, Disparity, carry_plane_to_view};
+use crate::disparity::{self, DepthOrder, Disparity, ViewLight, carry_plane_to_view};
 use crate::error::ensure_shape;
 use lenslet_core::image::Plane;
 
@@ -31,23 +31,28 @@ pub fn estimate_disparities(
                 !known.is_empty() && known.iter().all(|d| d.is_finite()),
                 "the known disparity has values that are not numbers"
             );
-            Disparity { disparity: known.clone(), confidence: Array2::ones(known.dim()) }
+            Disparity { disparity: known.clone(), confidence: Array2::ones(known.dim()), searched: None }
         }
         None if rows * columns < 2 => {
             let size = (grid[0][0].height, grid[0][0].width);
-            Disparity { disparity: Array2::zeros(size), confidence: Array2::zeros(size) }
+            Disparity { disparity: Array2::zeros(size), confidence: Array2::zeros(size), searched: None }
         }
         None => {
+            let limit = (options.disparity.limit.max(1.25 * set.pitch) / scale).max(0.1);
+            let weights = set.search_weights();
             let search = disparity::Options {
                 range: options.disparity.range.map(|(a, b)| (a / scale, b / scale)),
+                limit,
                 // A lenslet camera cannot capture disparities much beyond one lenslet per view step.
-                limit: (options.disparity.limit.max(1.25 * set.pitch) / scale).max(0.1),
+                widest: if weights.is_some() { (options.disparity.widest * set.pitch / scale).max(0.1) } else { limit },
+                weights,
                 linear: false,
                 reference: None,
                 ..options.disparity.clone()
             };
             let mut found = disparity::estimate_planes(grid.clone(), &search, observer)?;
             found.disparity *= scale;
+            found.searched = found.searched.map(|(a, b)| (a * scale, b * scale));
             found
         }
     };
@@ -56,7 +61,8 @@ pub fn estimate_disparities(
     let (height, width) = middle.disparity.dim();
     let scale = [size.0 as f32 / width as f32, size.1 as f32 / height as f32];
     let central = Plane { width, height, data: middle.disparity.iter().copied().collect() };
-    let order = estimate_depth_order(&central, &grid, scale, (rows, columns));
+    let dark = |k: usize| set.is_dark(k);
+    let order = estimate_depth_order(&central, &grid, scale, (rows, columns), &dark);
     let maps = (0..rows * columns)
         .into_par_iter()
         .map(|k| carry_plane_to_view(&central, scale, view_offset((rows, columns), k), order))
@@ -82,12 +88,20 @@ pub fn estimate_disparities(
 
 /// Whether nearer surfaces have the smaller or the larger disparity: whichever predicts the corner views better.
 /// Light fields whose views are numbered against the camera's movement have it the other way round.
-fn estimate_depth_order(central: &Plane, grid: &[Vec<Plane>], scale: [f32; 2], views: (usize, usize)) -> DepthOrder {
+fn estimate_depth_order(
+    central: &Plane,
+    grid: &[Vec<Plane>],
+    scale: [f32; 2],
+    views: (usize, usize),
+    dark: &dyn Fn(usize) -> bool,
+) -> DepthOrder {
     let (rows, columns) = views;
     let reference = &grid[rows / 2][columns / 2];
     let ratio = [reference.width as f32 / central.width as f32, reference.height as f32 / central.height as f32];
     let mut error = [0f64; 2];
-    for (v, u) in [(0, 0), (0, columns - 1), (rows - 1, 0), (rows - 1, columns - 1)] {
+    for corner in corners_of(views) {
+        // The outermost view that holds light on the way to the middle.
+        let Some(&(v, u)) = corner.iter().find(|(v, u)| !dark(v * columns + u)) else { continue };
         let k = v * columns + u;
         let offset = view_offset(views, k);
         for (order, e) in [DepthOrder::NearerIsSmaller, DepthOrder::NearerIsLarger].into_iter().zip(&mut error) {
@@ -106,6 +120,16 @@ fn estimate_depth_order(central: &Plane, grid: &[Vec<Plane>], scale: [f32; 2], v
     if error[1] < 0.995 * error[0] { DepthOrder::NearerIsLarger } else { DepthOrder::NearerIsSmaller }
 }
 
+/// From each corner of the grid the views on the diagonal to the middle one.
+fn corners_of((rows, columns): (usize, usize)) -> [Vec<(usize, usize)>; 4] {
+    let steps = (rows / 2).max(columns / 2).max(1);
+    let toward = |from: usize, to: usize, k: usize| {
+        (from as isize + (to as isize - from as isize) * k as isize / steps as isize) as usize
+    };
+    [(0, 0), (0, columns - 1), (rows - 1, 0), (rows - 1, columns - 1)]
+        .map(|(v, u)| (0..steps).map(|k| (toward(v, rows / 2, k), toward(u, columns / 2, k))).collect())
+}
+
 /// Which disparities are in front in the light field (v, u, t, s, c), given its middle view's disparity.
 ///
 /// # Errors
@@ -114,11 +138,12 @@ pub fn depth_order_of(data: &ndarray::ArrayView5<f32>, disparity: &Array2<f32>) 
     let (rows, columns, ..) = data.dim();
     let (height, width) = disparity.dim();
     let mut grid = vec![vec![Plane::filled(1, 1, 0.0); columns]; rows];
-    for v in [0, rows / 2, rows - 1] {
-        for u in [0, columns / 2, columns - 1] {
-            grid[v][u] = disparity::luminance(&data.slice(ndarray::s![v, u, .., .., ..]))?;
-        }
+    let light = ViewLight::of(data, true, None);
+    let middle = (rows / 2, columns / 2);
+    for (v, u) in corners_of((rows, columns)).into_iter().flatten().chain([middle]) {
+        grid[v][u] = disparity::luminance(&data.slice(ndarray::s![v, u, .., .., ..]))?;
     }
     let central = Plane { width, height, data: disparity.iter().copied().collect() };
-    Ok(estimate_depth_order(&central, &grid, [1.0, 1.0], (rows, columns)))
+    let dark = |k: usize| light.weights[k] <= 0.0;
+    Ok(estimate_depth_order(&central, &grid, [1.0, 1.0], (rows, columns), &dark))
 }

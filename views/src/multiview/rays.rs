@@ -89,7 +89,7 @@ pub(super) fn other_samples(
     let n = set.points.len();
     let mut rays = Vec::with_capacity(n * (views.0 * views.1).saturating_sub(1));
     let (right, bottom) = ((size.0 - 1) as f32, (size.1 - 1) as f32);
-    for k in (0..views.0 * views.1).filter(|&k| k != target_view) {
+    for k in (0..views.0 * views.1).filter(|&k| k != target_view && !set.is_dark(k)) {
         let from = view_offset(views, k);
         let (du, dv) = (from[0] - target[0], from[1] - target[1]);
         let distance = du.abs().max(dv.abs()) / TOLERANCE;

@@ -113,6 +113,7 @@ fn origins(set: &SampleSet, disparities: &ViewDisparities) -> Vec<Ray> {
     let (right, bottom) = ((set.target.width - 1) as f32, (set.target.height - 1) as f32);
     (0..views.0 * views.1)
         .into_par_iter()
+        .filter(|&k| !set.is_dark(k))
         .flat_map_iter(|k| {
             let u = view_offset(views, k);
             set.points.iter().enumerate().filter_map(move |(i, p)| {

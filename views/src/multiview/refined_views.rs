@@ -45,6 +45,12 @@ impl<'a> RefinedViews<'a> {
         self.set.views()
     }
 
+    /// How many views are too dark to be used.
+    pub fn dark(&self) -> usize {
+        let (rows, columns) = self.views();
+        (0..rows * columns).filter(|&k| self.set.is_dark(k)).count()
+    }
+
     /// The disparities in use.
     pub fn disparities(&self) -> &ViewDisparities {
         &self.disparities
@@ -57,10 +63,16 @@ impl<'a> RefinedViews<'a> {
     pub fn render_view(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {
         let (rows, columns) = self.views();
         ensure_parameter!(v < rows && u < columns, "there is no view {v},{u}: there are only {rows}x{columns} views");
-        match self.fit {
+        let view = v * columns + u;
+        if self.set.is_dark(view) {
+            return self.set.single(v, u);
+        }
+        let mut image = match self.fit {
             Fit::Smooth => smooth_fit::render_view(&self.set, &self.disparities, (v, u)),
             Fit::Triangulation => triangulated::render_view(&self.set, &self.disparities, (v, u)),
-        }
+        }?;
+        self.set.restore_light(view, &mut image);
+        Ok(image)
     }
 
     /// Renders the views `wanted` (row, column), a few side by side, each handed to `sink` in the order wanted.

@@ -1,6 +1,6 @@
 //! All samples of all views, of a capture or of a light field, and the interpolation of one view alone.
 
-use lenslet_core::colour::LUMINANCE;
+use lenslet_core::colour::{LUMINANCE, srgb_decode, srgb_encode};
 use lenslet_core::decode::HexSamples;
 use lenslet_core::geometry::SensorToView;
 use lenslet_core::geometry::Size;
@@ -10,6 +10,7 @@ use lenslet_core::sampling::{Cubic, bicubic};
 use ndarray::{Array3, ArrayView1, ArrayView3, Axis, CowArray, Ix3};
 
 use crate::Error;
+use crate::disparity::ViewLight;
 use crate::error::ensure_shape;
 use crate::target::mean_pitch;
 
@@ -30,6 +31,8 @@ pub struct SampleSet<'a> {
     /// Pixels of the target between neighbouring samples.
     pub(super) pitch: f32,
     single_view: SingleView,
+    /// Factors by which the light of views was raised to that of the others; empty where it was not.
+    gains: Vec<f32>,
 }
 
 /// Whether the values are linear light or sRGB-encoded.
@@ -37,6 +40,16 @@ pub struct SampleSet<'a> {
 pub(super) enum Kind {
     Linear,
     Encoded,
+}
+
+impl Kind {
+    /// A value whose light is `gain` times that of `x`.
+    fn amplified(self, x: f32, gain: f32) -> f32 {
+        match self {
+            Kind::Linear => gain * x,
+            Kind::Encoded => srgb_encode(gain * srgb_decode(x)),
+        }
+    }
 }
 
 /// Interpolation of a single view.
@@ -87,22 +100,47 @@ impl<'a> SampleSet<'a> {
         let points = (0..height)
             .flat_map(|t| (0..width).map(move |s| [(s as f32 + 0.5) * fx - 0.5, (t as f32 + 0.5) * fy - 0.5]))
             .collect();
-        let values = field.data.to_shape((rows * columns, height * width, channels))?;
+        let mut values = field.data.to_shape((rows * columns, height * width, channels))?;
         let kind = match field.meta.colour {
             lenslet_core::lightfield::ColourSpace::Linear => Kind::Linear,
             lenslet_core::lightfield::ColourSpace::Srgb => Kind::Encoded,
         };
-        Self::checked(
+        let light = ViewLight::of(&field.data.view(), kind == Kind::Linear, field.meta.weights.as_deref());
+        for (k, &gain) in light.gains.iter().enumerate().filter(|(_, g)| **g != 1.0) {
+            let mut view = values.index_axis_mut(Axis(0), k);
+            view.mapv_inplace(|x| kind.amplified(x, gain));
+        }
+        let mut set = Self::checked(
             rows,
             columns,
             points,
             values,
-            vec![1.0; rows * columns],
+            light.weights,
             *target,
             kind,
             fx,
             SingleView::Grid { width, height },
-        )
+        )?;
+        set.gains = light.gains;
+        Ok(set)
+    }
+
+    /// Whether view `k` is too dark to be refined, or to refine others.
+    pub(super) fn is_dark(&self, k: usize) -> bool {
+        matches!(self.single_view, SingleView::Grid { .. }) && self.weights[k] <= 0.0
+    }
+
+    /// Weights for the search of disparities, where some of the views are not used.
+    pub(super) fn search_weights(&self) -> Option<Vec<f32>> {
+        matches!(self.single_view, SingleView::Grid { .. }).then(|| self.weights.clone())
+    }
+
+    /// Brings the values of the view `k` back to the light that it had.
+    pub(super) fn restore_light(&self, k: usize, image: &mut Array3<f32>) {
+        let gain = self.gains.get(k).copied().unwrap_or(1.0);
+        if gain != 1.0 {
+            image.mapv_inplace(|x| self.kind.amplified(x, 1.0 / gain));
+        }
     }
 
     #[allow(clippy::too_many_arguments)] // both constructors meet here
@@ -134,7 +172,7 @@ impl<'a> SampleSet<'a> {
             weights.len(),
             rows * columns
         );
-        Ok(SampleSet { rows, columns, points, values, weights, lanes, target, kind, pitch, single_view })
+        Ok(SampleSet { rows, columns, points, values, weights, lanes, target, kind, pitch, single_view, gains: Vec::new() })
     }
 
     /// Rows and columns of views.

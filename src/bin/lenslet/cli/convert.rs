@@ -16,7 +16,7 @@ Example: lenslet convert antinous/ --out antinous.npy
          lenslet convert rectified.eslf.png --views 14 --out lf/ --crop-views 7
 
 Reads: lenslet's directory, .npy (float32, float64, uint8, uint16; v,u,t,s,c), folders of numbered pictures
-(input_Cam042.png, view_3_5.png, IMG_0001_017_02_04.png), ESLF / lenslet pictures (with --views), MATLAB .mat of
+(input_Cam042.png, view_3_5.png, view_-1_2.bmp, IMG_0001_017_02_04.png), ESLF / lenslet pictures (with --views), MATLAB .mat of
 level 5 (variable LF). Writes: dir (16-bit PNG a view), npy (float32), mat (LF, single), eslf (16-bit PNG).")]
 pub struct Args {
     #[command(flatten)]
@@ -30,7 +30,7 @@ pub struct Args {
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     args.written.check(&[&args.source.input])?;
-    let source = lightfield::open(&args.source.input, &args.source.options())?;
+    let source = args.source.open(context)?;
     let mut meta = source.meta().clone();
     let [rows, columns] = args.crop_views.unwrap_or(meta.views);
     if rows > meta.views[0] || columns > meta.views[1] {
@@ -46,7 +46,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     }
     meta.views = [rows, columns];
     meta.colour = args.written.colour();
-    let format = args.written.format();
+    let format = args.written.format()?;
     meta.provenance.push(json!({
         "tool": "lenslet", "version": env!("CARGO_PKG_VERSION"), "command": "convert",
         "input": args.source.name(), "first_view": first,

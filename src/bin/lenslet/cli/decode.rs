@@ -57,7 +57,7 @@ pub struct Args {
     #[arg(long, default_value_t = 7, value_name = "N")]
     views: usize,
     /// Sensor pixels between neighbouring views
-    #[arg(long, default_value_t = 1.0, value_name = "PIXELS")]
+    #[arg(value_parser = super::values::finite::<f64>, long, default_value_t = 1.0, value_name = "PIXELS")]
     view_step: f64,
     /// Size of the views: pixels of the longer side, WIDTHxHEIGHT, or native (one pixel a lenslet)
     #[arg(long, default_value = "1080", value_name = "SIZE")]

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use lenslet::apps::depth;
 use lenslet::image_io::{self, Picture};
-use lenslet_core::input::{open_regular, read_regular};
+use lenslet_core::input::read_regular;
 use lenslet_core::output::{Kind, Pending, write_part};
 use lenslet_core::pfm;
 use lenslet_core::progress::Observer;
@@ -15,9 +15,9 @@ use ndarray::{Array2, s};
 use ndarray_npy::ReadNpyExt as _;
 use serde_json::{Value, json};
 
-use super::refocus::load;
-use super::values::parse_views;
-use super::written::check_output;
+use super::source::ReadArgs;
+use super::values::RangeArgs;
+use super::written::{check_folder_name, check_output};
 use super::{Context, Outcome, Usage};
 
 /// Longest file of true disparities that is read, bytes.
@@ -35,28 +35,26 @@ to the right. The HCI benchmark counts it the other way round: compare with --tr
 pub struct Args {
     /// The light field
     light_field: PathBuf,
-    /// Disparities to look for (default: found from the light field)
-    #[arg(long, value_name = "FROM:TO", allow_hyphen_values = true)]
-    range: Option<String>,
+    #[command(flatten)]
+    range: RangeArgs,
     /// Fill patches up to this share of the picture's longer side whose disparity differs from all around; 0: leave
     /// them
-    #[arg(long, default_value_t = disparity::Options::shown().specks, value_name = "0..1")]
+    #[arg(value_parser = super::values::finite::<f32>, long, default_value_t = disparity::Options::shown().specks, value_name = "0..1")]
     specks: f32,
     /// Compare with this true disparity (.pfm or .npy of the view's size)
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
     /// Factor by which the truth is multiplied first
-    #[arg(long, default_value_t = 1.0, value_name = "FACTOR", allow_hyphen_values = true)]
+    #[arg(value_parser = super::values::finite::<f32>, long, default_value_t = 1.0, value_name = "FACTOR", allow_hyphen_values = true)]
     truth_scale: f32,
     /// Leave out this many pixels on each side when comparing
     #[arg(long, default_value_t = 15, value_name = "PIXELS")]
     border: usize,
     /// Leave points less confident than this out of the point cloud
-    #[arg(long, default_value_t = 0.2, value_name = "0..1")]
+    #[arg(value_parser = super::values::finite::<f32>, long, default_value_t = 0.2, value_name = "0..1")]
     confident: f32,
-    /// Views (N or ROWSxCOLUMNS) of files that do not hold their number
-    #[arg(long, value_name = "N", value_parser = parse_views)]
-    views: Option<[usize; 2]>,
+    #[command(flatten)]
+    read: ReadArgs,
     /// Directory to write
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -66,29 +64,25 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
-    let range = match &args.range {
-        None => None,
-        Some(text) => {
-            let number = |t: &str| t.trim().parse::<f32>().ok();
-            match text.split_once(':').and_then(|(a, b)| number(a).zip(number(b))) {
-                Some((a, b)) if a < b && a.abs().max(b.abs()) < 1e4 => Some((a, b)),
-                _ => return Err(Usage(format!("--range {text} is not FROM:TO, as in --range=-2:2")).into()),
-            }
-        }
-    };
+    check_folder_name(&args.out)?;
     if !(0.0..=1.0).contains(&args.specks) {
         return Err(Usage(format!("--specks must be 0 to 1, not {}", args.specks)).into());
     }
     let mut inputs = vec![args.light_field.as_path()];
     inputs.extend(args.truth.as_deref());
     check_output(&args.out, Kind::Directory, args.force, &inputs)?;
-    context.progress.begin("reading", 0);
-    let field = load(&args.light_field, args.views)?;
-    context.progress.check()?;
-    let options = disparity::Options { range, specks: args.specks, ..disparity::Options::shown() };
+    let (field, weights) = args.read.load_light(&args.light_field, true, context)?;
+    let options = disparity::Options {
+        range: args.range.range,
+        specks: args.specks,
+        weights: Some(weights.into_raw_vec_and_offset().0),
+        ..disparity::Options::shown()
+    };
     let start = std::time::Instant::now();
     let found = disparity::estimate_disparity(&field.data.view(), &options, &context.progress)?;
     let seconds = start.elapsed().as_secs_f64();
+    let at_ends = args.range.note(&found);
+    at_ends.iter().for_each(|note| context.progress.note(note));
     let order = depth_order_of(&field.data.view(), &found.disparity)?;
 
     let [rows, columns] = field.meta.views;
@@ -106,7 +100,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let mean = f64::from(found.confidence.mean().unwrap_or(0.0));
     let mut json = json!({
         "out": args.out, "smallest": lo, "largest": hi, "nearer_is": if order == DepthOrder::NearerIsSmaller { "smaller" } else { "larger" },
-        "mean_confidence": mean, "seconds": seconds,
+        "mean_confidence": mean, "seconds": seconds, "searched": found.searched, "at_ends": found.share_at_ends(),
     });
     if let Some(path) = &args.truth {
         json["truth"] = compare(path, args, &found)?;
@@ -136,13 +130,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
 
 fn compare(path: &Path, args: &Args, found: &disparity::Disparity) -> anyhow::Result<Value> {
     let name = path.display();
-    let mut truth: Array2<f32> = if super::refocus::ending(path) == "npy" {
-        let (file, _) = open_regular(path).with_context(|| format!("cannot read {name}"))?;
-        Array2::read_npy(file).with_context(|| format!("{name} is not an .npy of two dimensions of f32"))?
-    } else {
-        pfm::from_bytes(&read_regular(path, MAX_TRUTH).with_context(|| format!("cannot read {name}"))?)
-            .with_context(|| format!("{name}"))?
-    };
+    let mut truth = read_map(path)?;
     truth.mapv_inplace(|d| d * args.truth_scale);
     anyhow::ensure!(
         truth.dim() == found.disparity.dim(),
@@ -157,4 +145,39 @@ fn compare(path: &Path, args: &Args, found: &disparity::Disparity) -> anyhow::Re
         .map(|e| json!({ "bad_0.07": e.bad, "mse_x100": e.mse100, "median": e.median, "pixels": e.pixels }))
     };
     Ok(json!({ "all": told(0.0), "confident_0.5": told(0.5) }))
+}
+
+/// A map of disparities: PFM, or a .npy of two dimensions.
+fn read_map(path: &Path) -> anyhow::Result<Array2<f32>> {
+    let name = path.display();
+    let bytes = read_regular(path, MAX_TRUTH).with_context(|| format!("cannot read {name}"))?;
+    let length = bytes.len() as u64;
+    let map = if bytes.starts_with(b"\x93NUMPY") {
+        // Its numbers are in the file, whatever its header says.
+        let text = String::from_utf8_lossy(&bytes[..bytes.len().min(256)]).into_owned();
+        let claimed = text.split_once("'shape': (").and_then(|(_, s)| s.split_once(')')).map_or("", |(s, _)| s);
+        let sides: Vec<u64> = claimed.split(',').filter_map(|n| n.trim().parse().ok()).collect();
+        let count = sides.iter().try_fold(1u64, |a, &b| a.checked_mul(b));
+        anyhow::ensure!(count.is_some_and(|n| n <= length), "{name}: it says {claimed}, more than it holds");
+        if text.contains("<f8") {
+            let map = Array2::<f64>::read_npy(&bytes[..]).with_context(|| format!("{name} is not an .npy of two dimensions"))?;
+            map.mapv(|d| d as f32)
+        } else {
+            Array2::<f32>::read_npy(&bytes[..])
+                .with_context(|| format!("{name} is not an .npy of two dimensions of f32 or f64"))?
+        }
+    } else {
+        pfm::from_bytes(&bytes).with_context(|| format!("{name}"))?
+    };
+    let bad = map.iter().filter(|d| d.is_nan()).count();
+    if bad > 0 {
+        let at = map.indexed_iter().find(|(_, d)| d.is_nan()).map_or((0, 0), |(at, _)| at);
+        anyhow::bail!(
+            "{name}: {bad} of {} values are NaN, the first at row {}, column {}; infinite ones mark what is unknown",
+            map.len(),
+            at.0,
+            at.1
+        );
+    }
+    Ok(map)
 }

@@ -48,13 +48,13 @@ pub struct Args {
     #[arg(long, default_value_t = 256, value_name = "N")]
     crop: usize,
     /// Factor by which photos are shrunk first (1 to 1000)
-    #[arg(long, default_value_t = 1.5, value_name = "F")]
+    #[arg(value_parser = super::values::finite::<f64>, long, default_value_t = 1.5, value_name = "F")]
     shrink: f64,
     /// What a sample is: the mean over the lenslet, or a point
     #[arg(long, value_enum, default_value = "lenslet")]
     footprint: FootprintName,
     /// Standard deviation of noise on the samples, of the range 0..1
-    #[arg(long, default_value_t = 0.0, value_name = "S")]
+    #[arg(value_parser = super::values::finite::<f32>, long, default_value_t = 0.0, value_name = "S")]
     noise: f32,
     /// Seed
     #[arg(long, default_value_t = 1, value_name = "N")]

@@ -9,6 +9,7 @@ use lenslet_core::progress::Observer;
 use lenslet_views::reconstruct::{self, Enlargement, Options, Reconstructor};
 use serde_json::json;
 
+use super::belong;
 use super::learned::LearnedArgs;
 use super::source::{SourceArgs, file_name, measured_samples};
 use super::written::Written;
@@ -31,7 +32,7 @@ pub struct Args {
     written: Written,
     /// Factor by which the views are enlarged first, 1 to 16 [default: 1, or the dictionary's own for a light field of
     /// another tool]
-    #[arg(long, value_name = "N")]
+    #[arg(value_parser = super::values::finite::<f64>, long, value_name = "N")]
     scale: Option<f64>,
     /// Do not use the measured samples (samples.npz) beside the light field
     #[arg(long, conflicts_with = "noise")]
@@ -48,7 +49,8 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let mut inputs = vec![args.source.input.as_path()];
     inputs.extend(args.learned.dictionary.as_deref());
     args.written.check(&inputs)?;
-    let source = lightfield::open(&args.source.input, &args.source.options())?;
+    let source = args.source.open(context)?;
+    belong::refuse_learned(source.meta(), &args.source.input)?;
     let mut meta = source.meta().clone();
     let footprint = args.learned.footprint();
     // Pixels of another tool are points of a rectangular grid.
@@ -100,7 +102,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     } else {
         None
     };
-    let format = args.written.format();
+    let format = args.written.format()?;
     let mut sink = lightfield::create(&args.written.out, meta.clone(), format, args.written.force)?;
     let began = std::time::Instant::now();
     reconstruct::reconstruct_light_field(

@@ -16,6 +16,7 @@ use lenslet_core::lightfield::{self, ReadOptions};
 use lenslet_core::progress::Observer;
 use serde_json::{Map, Value, json};
 
+use super::source::ReadArgs;
 use super::{Context, Outcome};
 
 /// Describe a capture, container, calibration, light field, dictionary or camera profile
@@ -27,9 +28,8 @@ pub struct Args {
     /// Camera profile (a name or the path of a .toml file), where the file does not name its camera
     #[arg(long, value_name = "NAME")]
     profile: Option<String>,
-    /// Views (N or ROWSxCOLUMNS) of light field files that do not say so
-    #[arg(long, value_name = "N", value_parser = super::values::parse_views)]
-    views: Option<[usize; 2]>,
+    #[command(flatten)]
+    read: ReadArgs,
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
@@ -68,7 +68,7 @@ fn describe(args: &Args) -> anyhow::Result<Value> {
         calibration_facts(path)?
     } else if dictionary::Format::detect(head).is_some() {
         super::dict::describe(&dictionary::load(path)?).0
-    } else if head.starts_with(b"\x93NUMPY") || head.starts_with(b"MATLAB") || args.views.is_some() {
+    } else if head.starts_with(b"\x93NUMPY") || head.starts_with(b"MATLAB") || args.read.has_views() {
         light_field(path, args)?
     } else if head.len() == 512 && &head[257..262] == b"ustar" {
         calibration_images("archive of calibration files", path)?
@@ -224,13 +224,16 @@ fn calibration_facts(path: &Path) -> anyhow::Result<Value> {
 }
 
 fn light_field(path: &Path, args: &Args) -> anyhow::Result<Value> {
-    let options = ReadOptions { views: args.views, ..ReadOptions::default() };
+    let options = ReadOptions { header_only: true, partial: true, ..args.read.options() };
     let source = lightfield::open(path, &options)?;
     let m = source.meta();
     let one = m.views == [1, 1];
     let mut json = json!({"kind": if one { "picture" } else { "light field" }});
     if let (Value::Object(all), Some(json)) = (json!(m), json.as_object_mut()) {
         json.extend(all);
+    }
+    if !source.notes().is_empty() {
+        json["warnings"] = json!(source.notes());
     }
     Ok(json)
 }

@@ -34,10 +34,10 @@ pub struct LearnedArgs {
     #[arg(long, value_name = "N")]
     step: Option<usize>,
     /// λ instead of the trained one
-    #[arg(long, value_name = "L")]
+    #[arg(value_parser = super::values::finite::<f32>, long, value_name = "L")]
     lambda: Option<f32>,
     /// Standard deviation of the measured samples' noise (sRGB-encoded, 0..1) [default: estimated]
-    #[arg(long, visible_alias = "sample-noise", value_name = "S")]
+    #[arg(value_parser = super::values::finite::<f32>, long, visible_alias = "sample-noise", value_name = "S")]
     pub noise: Option<f32>,
 }
 

@@ -1,6 +1,7 @@
 //! The command line: one file a command; what is printed and the exit code are decided here.
 
 mod ablate;
+mod belong;
 mod budget;
 mod calibrate;
 mod context;

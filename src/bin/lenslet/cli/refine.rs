@@ -11,7 +11,9 @@ use lenslet_views::reconstruct::Enlargement;
 use ndarray::Array3;
 use serde_json::json;
 
-use super::source::{SourceArgs, measured_samples};
+use super::belong;
+use super::source::{SourceArgs, measured_samples, note_dark};
+use super::values::RangeArgs;
 use super::written::Written;
 use super::{Context, Outcome, Usage};
 
@@ -29,11 +31,13 @@ pub struct Args {
     #[command(flatten)]
     written: Written,
     /// Factor by which the views are enlarged, 1 to 8 (default: 1 where there are measured samples, else 2)
-    #[arg(long, value_name = "N")]
+    #[arg(value_parser = super::values::finite::<f64>, long, value_name = "N")]
     scale: Option<f64>,
     /// Do not use the measured samples (samples.npz) beside the light field
     #[arg(long)]
     without_samples: bool,
+    #[command(flatten)]
+    range: RangeArgs,
 }
 
 /// What is refined.
@@ -47,28 +51,22 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         return Err(Usage("--scale must be 1 to 8".into()).into());
     }
     args.written.check(&[&args.source.input])?;
-    let read = args.source.options();
-    let source = lightfield::open(&args.source.input, &read)?;
+    let source = args.source.open(context)?;
+    let described = source.meta().clone();
     let given = match measured_samples(&args.source.input, &*source, args.without_samples)? {
         Some(samples) => Given::Samples(samples),
-        None => Given::Field(lightfield::load(&args.source.input, &read)?),
+        None => {
+            belong::refuse_refined(&described, &args.source.input)?;
+            Given::Field(lightfield::read_all(&*source, &args.source.input, 0)?)
+        }
     };
+    drop(source);
     let (mut meta, from, usual) = match &given {
-        // The pixels themselves are not read.
-        Given::Samples(_) => (source.meta().clone(), ColourSpace::Linear, 1.0),
-        Given::Field(field) => (field.meta.clone(), field.meta.colour, 2.0),
+        Given::Samples(_) => (described, ColourSpace::Linear, 1.0),
+        Given::Field(field) => (described, field.meta.colour, 2.0),
     };
     let scale = args.scale.unwrap_or(usual);
     let [rows, columns] = meta.views;
-    if let Given::Samples(s) = &given
-        && [s.views; 2] != meta.views
-    {
-        anyhow::bail!(
-            "{}: the samples beside it are of {1}x{1} views, not {rows}x{columns}; leave them out with --without-samples",
-            args.source.input.display(),
-            s.views
-        );
-    }
     meta.size = Enlargement::Bicubic(scale).size(meta.size);
     meta.pitch = Some(scale * meta.pitch.unwrap_or(1.0));
     meta.colour = args.written.colour();
@@ -82,7 +80,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         Given::Samples(samples) => SampleSet::hexagonal(samples, &target)?,
         Given::Field(field) => SampleSet::rectangular(field, &target)?,
     };
-    let mut sink = lightfield::create(&args.written.out, meta.clone(), args.written.format(), args.written.force)?;
+    let mut sink = lightfield::create(&args.written.out, meta.clone(), args.written.format()?, args.written.force)?;
     let began = Instant::now();
     let to = meta.colour;
     let mut keep = |v: usize, u: usize, mut pixels: Array3<f32>| -> Result<(), lenslet_views::Error> {
@@ -90,11 +88,12 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         Ok(sink.write(v, u, &pixels)?)
     };
     let all: Vec<_> = (0..rows * columns).map(|k| (k / columns, k % columns)).collect();
-    RefinedViews::estimate(set, &Options::default(), &context.progress)?.render_views(
-        &all,
-        &mut keep,
-        &context.progress,
-    )?;
+    let mut options = Options::default();
+    options.disparity.range = args.range.range;
+    let refined = RefinedViews::estimate(set, &options, &context.progress)?;
+    args.range.note(&refined.disparities().middle).iter().for_each(|note| context.progress.note(note));
+    note_dark(&args.source.input, refined.dark(), rows * columns, context);
+    refined.render_views(&all, &mut keep, &context.progress)?;
     let seconds = began.elapsed().as_secs_f64();
     context.progress.check()?;
     sink.finish()?;

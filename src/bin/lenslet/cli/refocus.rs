@@ -4,17 +4,16 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use lenslet::apps::refocus::{self, ApertureShape};
-use lenslet::apps::to_linear_light;
 use lenslet::image_io::{self, Picture, shrink};
-use lenslet_core::lightfield::{self, LightField, ReadOptions};
 use lenslet_core::output::{self, Kind};
 use lenslet_core::progress::Observer;
 use lenslet_views::disparity;
 use ndarray::{Array2, Array3};
 use serde_json::json;
 
-use super::values::parse_views;
-use super::written::check_output;
+use super::source::ReadArgs;
+use super::values::RangeArgs;
+use super::written::{check_animation_name, check_output};
 use super::{Context, Outcome, Usage};
 
 /// Refocus a light field: one picture, a focal stack, or everything in focus
@@ -29,7 +28,7 @@ pub struct Args {
     /// The light field
     light_field: PathBuf,
     /// Focus on this disparity (pixels per view step)
-    #[arg(long, value_name = "D", allow_hyphen_values = true)]
+    #[arg(value_parser = super::values::finite::<f32>, long, value_name = "D", allow_hyphen_values = true)]
     disparity: Option<f32>,
     /// Focus on N disparities, evenly from FROM to TO
     #[arg(long, value_name = "FROM:TO:N", allow_hyphen_values = true)]
@@ -41,7 +40,7 @@ pub struct Args {
     #[arg(long)]
     all_in_focus: bool,
     /// Aperture: 1 all views, 0 the middle view alone
-    #[arg(long, default_value_t = 1.0, value_name = "0..1")]
+    #[arg(value_parser = super::values::finite::<f32>, long, default_value_t = 1.0, value_name = "0..1")]
     aperture: f32,
     /// Its shape
     #[arg(long, value_enum, default_value = "round")]
@@ -49,9 +48,10 @@ pub struct Args {
     /// Make the longer side at most this many pixels
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..))]
     side: Option<u32>,
-    /// Views (N or ROWSxCOLUMNS) of files that do not hold their number
-    #[arg(long, value_name = "N", value_parser = parse_views)]
-    views: Option<[usize; 2]>,
+    #[command(flatten)]
+    range: RangeArgs,
+    #[command(flatten)]
+    read: ReadArgs,
     /// Where to write
     #[arg(long, value_name = "FILE|DIR")]
     out: PathBuf,
@@ -97,19 +97,6 @@ fn focus(args: &Args) -> Result<Focus, Usage> {
     }
 }
 
-/// Reads a light field in linear light.
-pub fn load(path: &Path, views: Option<[usize; 2]>) -> anyhow::Result<LightField> {
-    let mut field = lightfield::load(path, &ReadOptions { views, ..ReadOptions::default() })?;
-    anyhow::ensure!(
-        field.meta.channels == 1 || field.meta.channels == 3,
-        "{} has {} channels; only grey and colour light fields can be shown",
-        path.display(),
-        field.meta.channels
-    );
-    to_linear_light(&mut field);
-    Ok(field)
-}
-
 /// The file name's ending, in small letters.
 pub fn ending(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
@@ -151,19 +138,24 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if many && ending(&args.out) == "png" {
         return Err(Usage("a sweep needs an --out that is a .gif, an .apng or a directory, not one .png".into()).into());
     }
+    check_animation_name(&args.out, true)?;
     check_pictures(&args.out, args.force, &args.light_field)?;
-    context.progress.begin("reading", 0);
-    let field = load(&args.light_field, args.views)?;
-    context.progress.check()?;
+    let (field, light) = args.read.load_light(&args.light_field, true, context)?;
     let data = field.data.view();
     let [rows, columns] = field.meta.views;
-    let aperture = refocus::aperture_weights((rows, columns), args.aperture, args.shape);
-    let options = disparity::Options::shown();
+    let aperture = refocus::aperture_weights((rows, columns), args.aperture, args.shape) * &light;
+    let options = disparity::Options {
+        range: args.range.range,
+        weights: Some(light.into_raw_vec_and_offset().0),
+        ..disparity::Options::shown()
+    };
     let (list, map): (Vec<f32>, Option<Array2<f32>>) = match focus {
         Focus::Disparities(list) => (list, None),
         Focus::Point(x, y) => (vec![refocus::disparity_at(&data, (x, y), &options, &context.progress)?], None),
         Focus::Everything => {
-            (vec![], Some(disparity::estimate_disparity(&data, &options, &context.progress)?.disparity))
+            let found = disparity::estimate_disparity(&data, &options, &context.progress)?;
+            args.range.note(&found).iter().for_each(|note| context.progress.note(note));
+            (vec![], Some(found.disparity))
         }
     };
     let show = |image: Array3<f32>| {

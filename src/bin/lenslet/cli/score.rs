@@ -3,13 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use lenslet_core::lightfield::{self, ColourSpace, ReadOptions, ViewSource, colour};
+use lenslet_core::lightfield::{self, ColourSpace, ViewSource, colour};
 use lenslet_core::metrics::{Alignment, Scores, Window};
 use lenslet_core::progress::Observer;
 use ndarray::Array3;
 use serde_json::{Map, Value, json};
 
-use super::values::{SsimName, parse_views};
+use super::source::ReadArgs;
+use super::values::SsimName;
 use super::{Context, Outcome, Usage};
 
 /// Score a light field (or picture) against a reference: PSNR of colour and luminance, SSIM of luminance
@@ -35,15 +36,13 @@ pub struct Args {
     /// view): for results of tools with another geometry or exposure. The sizes may differ. The alignment is reported
     #[arg(long)]
     align: bool,
-    /// Views (N or ROWSxCOLUMNS) of files that do not hold their number
-    #[arg(long, value_name = "N", value_parser = parse_views)]
-    views: Option<[usize; 2]>,
+    #[command(flatten)]
+    read: ReadArgs,
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
-    let options = ReadOptions { views: args.views, ..ReadOptions::default() };
-    let result = lightfield::open(&args.result, &options)?;
-    let reference = lightfield::open(&args.reference, &options)?;
+    let result = args.read.open(&args.result, context)?;
+    let reference = args.read.open(&args.reference, context)?;
     comparable(result.as_ref(), reference.as_ref(), args)?;
     let window = Window::without_border(args.border).with_ssim(args.ssim.into());
     let both_linear = [&result, &reference].iter().all(|l| l.meta().colour == ColourSpace::Linear);

@@ -54,38 +54,38 @@ pub struct Args {
     #[arg(long, default_value_t = 7, value_name = "N")]
     views: usize,
     /// Sensor pixels between neighbouring views
-    #[arg(long, default_value_t = 1.0, value_name = "PIXELS")]
+    #[arg(value_parser = super::values::finite::<f64>, long, default_value_t = 1.0, value_name = "PIXELS")]
     view_step: f64,
     /// Largest disparity of the scene in lenslet pitches per sensor pixel [default: 0.3; chart 0.15; colour, flat, one
     /// photo 0]
-    #[arg(long, value_name = "D", allow_negative_numbers = true)]
+    #[arg(value_parser = super::values::finite::<f64>, long, value_name = "D", allow_negative_numbers = true)]
     disparity: Option<f64>,
     /// Lenslet pitch in sensor pixels [default: the camera's]
-    #[arg(long, value_name = "PIXELS")]
+    #[arg(value_parser = super::values::finite::<f64>, long, value_name = "PIXELS")]
     pitch: Option<f64>,
     /// Rotation of the lattice in radians, positive = clockwise on screen
-    #[arg(long, default_value_t = LensletGrid::default().rotation, value_name = "RADIANS", allow_negative_numbers = true)]
+    #[arg(value_parser = super::values::finite::<f64>, long, default_value_t = LensletGrid::default().rotation, value_name = "RADIANS", allow_negative_numbers = true)]
     rotation: f64,
     /// Row distance over its ideal [default: the camera's]
-    #[arg(long, value_name = "RATIO")]
+    #[arg(value_parser = super::values::finite::<f64>, long, value_name = "RATIO")]
     row_stretch: Option<f64>,
     /// Lenslet (0, 0) minus the sensor's centre, pixels
     #[arg(long, value_name = "X,Y", default_value = "2.37,-1.61", allow_hyphen_values = true, value_parser = parse_offset)]
     offset: [f64; 2],
     /// Standard deviation of each lenslet's own position error, pixels
-    #[arg(long, default_value_t = LensletGrid::default().jitter, value_name = "PIXELS")]
+    #[arg(value_parser = super::values::finite::<f64>, long, default_value_t = LensletGrid::default().jitter, value_name = "PIXELS")]
     jitter: f64,
     /// Light over a micro-image: parabolic or gaussian
     #[arg(long, value_enum, default_value = "parabolic", hide_possible_values = true)]
     profile: LightProfile,
     /// Share of the light the main lens loses in the corners
-    #[arg(long, default_value_t = Optics::default().vignetting, value_name = "SHARE", allow_negative_numbers = true)]
+    #[arg(value_parser = super::values::finite::<f64>, long, default_value_t = Optics::default().vignetting, value_name = "SHARE", allow_negative_numbers = true)]
     vignetting: f64,
     /// Optical blur on the sensor (standard deviation), pixels
-    #[arg(long, default_value_t = Optics::default().psf, value_name = "PIXELS")]
+    #[arg(value_parser = super::values::finite::<f64>, long, default_value_t = Optics::default().psf, value_name = "PIXELS")]
     psf: f64,
     /// Noise: 0 none; 1 one electron a DN and 3 DN of read noise
-    #[arg(long, default_value_t = SimulationOptions::default().noise, value_name = "K", allow_negative_numbers = true)]
+    #[arg(value_parser = super::values::finite::<f64>, long, default_value_t = SimulationOptions::default().noise, value_name = "K", allow_negative_numbers = true)]
     noise: f64,
     /// White images
     #[arg(long, default_value_t = SimulationOptions::default().whites, value_name = "N")]

@@ -2,29 +2,102 @@
 
 use std::path::{Path, PathBuf};
 
+use lenslet::apps::{even_out_light, to_linear_light};
 use lenslet_core::decode::{HexSamples, SamplesOrigin, find_samples_file, samples_beside, view_fingerprint};
-use lenslet_core::lightfield::{ColourSpace, ReadOptions, ViewSource};
+use lenslet_core::lightfield::{self, Axes, ColourSpace, LightField, ReadOptions, ViewSource};
+use lenslet_core::progress::Observer as _;
+use ndarray::Array2;
 
-use super::values::parse_views;
+use super::Context;
+use super::values::{finite, parse_views};
+
+/// How a light field without a description is read.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Light fields of other tools")]
+pub struct ReadArgs {
+    /// Views (N or ROWSxCOLUMNS) of a lenslet picture, or of pictures numbered in a row (absent ones counted)
+    #[arg(long, value_name = "N", value_parser = parse_views)]
+    views: Option<[usize; 2]>,
+    /// The input holds linear light although it has no description that names it
+    #[arg(long)]
+    input_linear: bool,
+    /// The stored value of white, as 255, 1023, 4095 or 65535 [default: by the type and range of the numbers]
+    #[arg(long, value_name = "VALUE", value_parser = parse_full_scale)]
+    full_scale: Option<f32>,
+    /// Order of the axes of an array, a letter each: v, u rows and columns of views (or n: views in a row), t, s rows and
+    /// columns of pixels, c channels [default: vutsc]
+    #[arg(long, value_name = "ORDER")]
+    axes: Option<Axes>,
+}
+
+fn parse_full_scale(text: &str) -> Result<f32, String> {
+    let value: f32 = finite(text)?;
+    if value > 0.0 && value < 1e9 { Ok(value) } else { Err(format!("`{text}` is not above 0")) }
+}
+
+impl ReadArgs {
+    /// The same as the library takes it.
+    pub fn options(&self) -> ReadOptions {
+        ReadOptions {
+            views: self.views,
+            colour: self.input_linear.then_some(ColourSpace::Linear),
+            full_scale: self.full_scale,
+            axes: self.axes.clone(),
+            ..ReadOptions::default()
+        }
+    }
+
+    /// Whether the number of views is stated.
+    pub fn has_views(&self) -> bool {
+        self.views.is_some()
+    }
+
+    /// Opens a light field, and tells what was assumed.
+    pub fn open(&self, path: &Path, context: &Context) -> anyhow::Result<Box<dyn ViewSource>> {
+        opened(path, &self.options(), context)
+    }
+
+    /// Reads a whole light field in linear light, its dim views brightened; the weight of each view, 0 for those that are
+    /// dark. `partial`: views may be absent.
+    pub fn load_light(&self, path: &Path, partial: bool, context: &Context) -> anyhow::Result<(LightField, Array2<f32>)> {
+        context.progress.begin("reading", 0);
+        let source = opened(path, &ReadOptions { partial, ..self.options() }, context)?;
+        let mut field = lightfield::read_all(&*source, path, 0)?;
+        context.progress.check()?;
+        to_linear_light(&mut field);
+        let weights = even_out_light(&mut field);
+        note_dark(path, weights.iter().filter(|w| **w <= 0.0).count(), weights.len(), context);
+        Ok((field, weights))
+    }
+}
+
+fn opened(path: &Path, options: &ReadOptions, context: &Context) -> anyhow::Result<Box<dyn ViewSource>> {
+    let source = lightfield::open(path, options).with_context(|| path.display().to_string())?;
+    source.notes().iter().for_each(|note| context.progress.note(note));
+    Ok(source)
+}
+
+/// Says how many views are too dark to be used.
+pub fn note_dark(path: &Path, dark: usize, all: usize, context: &Context) {
+    if dark > 0 {
+        let note = format!("{}: {dark} of {all} views are dark or absent and count for nothing", path.display());
+        context.progress.note(&note);
+    }
+}
 
 /// A light field of any tool.
 #[derive(Debug, clap::Args)]
 pub struct SourceArgs {
     /// The light field, in any format that convert reads
     pub input: PathBuf,
-    /// Views (N or ROWSxCOLUMNS) of a lenslet picture, or of pictures numbered in a row
-    #[arg(long, value_name = "N", value_parser = parse_views)]
-    views: Option<[usize; 2]>,
-    /// The input holds linear light although it has no description that names it
-    #[arg(long)]
-    input_linear: bool,
+    #[command(flatten)]
+    pub read: ReadArgs,
 }
 
 impl SourceArgs {
-    /// How it is read.
-    pub fn options(&self) -> ReadOptions {
-        let colour = self.input_linear.then_some(ColourSpace::Linear);
-        ReadOptions { views: self.views, colour, ..ReadOptions::default() }
+    /// Opens it, and tells what was assumed.
+    pub fn open(&self, context: &Context) -> anyhow::Result<Box<dyn ViewSource>> {
+        self.read.open(&self.input, context)
     }
 
     /// The name of the file or folder, as provenance has it.
@@ -56,5 +129,7 @@ pub fn measured_samples(input: &Path, source: &dyn ViewSource, without: bool) ->
         path.display(),
         input.display()
     );
-    Ok(Some(HexSamples::load(&path)?))
+    let samples = HexSamples::load(&path)?;
+    super::belong::check_samples(source, &samples, &path, "--without-samples")?;
+    Ok(Some(samples))
 }

@@ -48,7 +48,7 @@ pub struct Args {
     #[arg(long, value_name = "P")]
     patch: Option<usize>,
     /// λ
-    #[arg(long, value_name = "L")]
+    #[arg(value_parser = super::values::finite::<f32>, long, value_name = "L")]
     lambda: Option<f32>,
     /// Learning algorithm
     #[arg(long, value_enum)]
@@ -72,17 +72,17 @@ pub struct Args {
     #[arg(long, value_name = "N")]
     anchors: Option<usize>,
     /// Factor by which photos are shrunk first (1 to 16)
-    #[arg(long, value_name = "F")]
+    #[arg(value_parser = super::values::finite::<f64>, long, value_name = "F")]
     shrink: Option<f64>,
     /// Standard deviation of noise on the samples, of the range 0..1
-    #[arg(long, value_name = "S")]
+    #[arg(value_parser = super::values::finite::<f32>, long, value_name = "S")]
     noise: Option<f32>,
     /// Footprints of the samples, one model each
     #[arg(long, value_delimiter = ',', value_enum)]
     footprint: Vec<FootprintName>,
     /// Rectangular grids enlarged bicubically by this factor (1.5 to 8), instead of hexagonal samples: for views of
     /// other tools
-    #[arg(long, value_name = "SCALE", conflicts_with_all = ["footprint", "calibration"])]
+    #[arg(value_parser = super::values::finite::<f64>, long, value_name = "SCALE", conflicts_with_all = ["footprint", "calibration"])]
     grid: Option<f64>,
     /// Views that the dictionary is for: barycentric, or multiview, for which the photos are captured by a simulated
     /// camera, decoded and refined
@@ -95,7 +95,7 @@ pub struct Args {
     #[arg(long)]
     linear_light: bool,
     /// GiB that pairs and crops may take (default: 4); fewer pairs where they would not fit
-    #[arg(long, value_name = "GIB")]
+    #[arg(value_parser = super::values::finite::<f64>, long, value_name = "GIB")]
     pairs_memory: Option<f64>,
     /// Seed
     #[arg(long, value_name = "N")]

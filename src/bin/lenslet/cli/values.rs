@@ -91,6 +91,50 @@ named_values! {
     }
 }
 
+/// A finite number; negative zero as zero.
+pub fn finite<T: std::str::FromStr + Into<f64> + Copy + std::ops::Add<Output = T> + Default>(
+    text: &str,
+) -> Result<T, String> {
+    match text.trim().parse::<T>() {
+        Ok(x) if x.into().is_finite() => Ok(x + T::default()),
+        _ => Err(format!("`{text}` is not a finite number")),
+    }
+}
+
+/// `FROM:TO`, disparities in pixels per view step.
+pub fn parse_range(text: &str) -> Result<(f32, f32), String> {
+    let ends = text.split_once(':').and_then(|(a, b)| finite::<f32>(a).ok().zip(finite::<f32>(b).ok()));
+    match ends {
+        Some((a, b)) if a < b && f32::max(a.abs(), b.abs()) < 1e4 => Ok((a, b)),
+        _ => Err(format!("`{text}` is not FROM:TO, as in --range=-2:2")),
+    }
+}
+
+/// Which disparities are looked for.
+#[derive(Debug, Clone, Copy, clap::Args)]
+pub struct RangeArgs {
+    /// Disparities to look for, pixels per view step [default: found from the light field]
+    #[arg(long, value_name = "FROM:TO", allow_hyphen_values = true, value_parser = parse_range)]
+    pub range: Option<(f32, f32)>,
+}
+
+/// Share of disparities at the ends of the range above which it is said.
+/// Source: chosen.
+const AT_ENDS: f32 = 0.03;
+
+impl RangeArgs {
+    /// A note where many of the disparities found lie at the ends of the range that was searched.
+    pub fn note(self, found: &lenslet_views::disparity::Disparity) -> Option<String> {
+        let share = found.share_at_ends();
+        let (low, high) = found.searched.filter(|_| share > AT_ENDS)?;
+        Some(format!(
+            "{:.0} % of the disparities lie at the ends of the range {low:.2} to {high:.2} that was searched: the true ones \
+             may lie beyond; give a wider --range",
+            100.0 * share
+        ))
+    }
+}
+
 /// `7` or `7x9` as (rows, columns).
 pub fn parse_views(text: &str) -> Result<[usize; 2], String> {
     let one = |t: &str| match t.parse() {
@@ -100,5 +144,23 @@ pub fn parse_views(text: &str) -> Result<[usize; 2], String> {
     match text.split_once('x') {
         Some((rows, columns)) => Ok([one(rows)?, one(columns)?]),
         None => one(text).map(|n| [n, n]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_finite() {
+        assert_eq!(finite::<f32>("-1.5"), Ok(-1.5));
+        assert!(finite::<f64>("-0").unwrap().is_sign_positive());
+        for bad in ["nan", "NaN", "inf", "-inf", "infinity", "1e999", "", "x"] {
+            assert!(finite::<f64>(bad).is_err(), "{bad}");
+        }
+        assert_eq!(parse_range("-2:2.5"), Ok((-2.0, 2.5)));
+        for bad in ["2:-2", "nan:1", "0:inf", "1", ":", "-20000:2"] {
+            assert!(parse_range(bad).is_err(), "{bad}");
+        }
     }
 }

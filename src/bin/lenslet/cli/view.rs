@@ -2,18 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
+use lenslet::apps::fill_dark_views;
 use lenslet::apps::viewer::{self, ViewerContent};
-use lenslet::image_io::shrink;
 use lenslet_core::output::{self, Kind};
 use lenslet_core::progress::Observer;
-use lenslet_views::disparity::{self, DepthOrder};
+use lenslet_views::disparity;
 use lenslet_views::multiview::depth_order_of;
-use ndarray::Array2;
 use serde_json::json;
 
-use super::refocus::load;
-use super::values::parse_views;
-use super::written::check_output;
+use super::source::ReadArgs;
+use super::values::RangeArgs;
+use super::written::{check_output, check_page_name};
 use super::{Context, Outcome, Usage};
 
 /// One HTML file to refocus and move around in, offline, in any browser
@@ -22,10 +21,10 @@ use super::{Context, Outcome, Usage};
 Example: lenslet view decoded/ --out page.html
          lenslet view barycentric/ multiview/ learned/ --out compare.html
 
-Several light fields of one capture get a button each. page.html#focus=-0.5,aperture=0.4,depth,epi opens with
+Several light fields get a button each, by their names; each has its own depth. page.html#focus=-0.5,aperture=0.4,depth,epi opens with
 these settings.")]
 pub struct Args {
-    /// The light field; more of the same capture to switch between
+    /// The light field; more of the same size to switch between
     #[arg(required = true, num_args = 1..=8)]
     light_fields: Vec<PathBuf>,
     /// Where to write
@@ -41,11 +40,12 @@ pub struct Args {
     #[arg(long, default_value_t = 88, value_name = "1..100", value_parser = clap::value_parser!(u8).range(1..=100))]
     quality: u8,
     /// Largest size of the page, megabytes (up to 1000)
-    #[arg(long, default_value_t = 20.0, value_name = "MB")]
+    #[arg(value_parser = super::values::finite::<f64>, long, default_value_t = 20.0, value_name = "MB")]
     max_mb: f64,
-    /// Views (N or ROWSxCOLUMNS) of files that do not hold their number
-    #[arg(long, value_name = "N", value_parser = parse_views)]
-    views: Option<[usize; 2]>,
+    #[command(flatten)]
+    range: RangeArgs,
+    #[command(flatten)]
+    read: ReadArgs,
     /// Replace what is there
     #[arg(long)]
     force: bool,
@@ -55,51 +55,62 @@ fn name(path: &Path) -> String {
     path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
+/// What each light field is called: its name, with the folder it lies in where others have the same name, and a number
+/// where that is the same too.
+fn labels(paths: &[PathBuf]) -> Vec<String> {
+    let folder = |path: &Path| {
+        let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
+        whole.parent().and_then(Path::file_name).map(|n| n.to_string_lossy().into_owned())
+    };
+    let repeated = |list: &[String], k: usize| list.iter().filter(|n| **n == list[k]).count() > 1;
+    let short: Vec<String> = paths.iter().map(|p| name(p)).collect();
+    let longer: Vec<String> = (0..paths.len())
+        .map(|k| match folder(&paths[k]) {
+            Some(folder) if repeated(&short, k) => format!("{folder}/{}", short[k]),
+            _ => short[k].clone(),
+        })
+        .collect();
+    (0..paths.len())
+        .map(|k| if repeated(&longer, k) { format!("{} {}", longer[k], k + 1) } else { longer[k].clone() })
+        .collect()
+}
+
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if !(args.max_mb > 0.0 && args.max_mb <= 1000.0) {
         return Err(Usage("--max-mb must be above 0 and at most 1000".into()).into());
     }
+    check_page_name(&args.out)?;
     let inputs: Vec<&Path> = args.light_fields.iter().map(PathBuf::as_path).collect();
     check_output(&args.out, Kind::File, args.force, &inputs)?;
     let mut side = args.side as usize;
     let mut sets = Vec::new();
     let mut views = (0, 0);
-    let mut relief: Option<(Array2<f32>, DepthOrder)> = None;
-    for path in &args.light_fields {
-        context.progress.begin("reading", 0);
-        let field = load(path, args.views)?;
-        context.progress.check()?;
+    for (path, label) in args.light_fields.iter().zip(labels(&args.light_fields)) {
+        let (mut field, light) = args.read.load_light(path, true, context)?;
         let [rows, columns] = field.meta.views;
-        if relief.is_none() {
+        if sets.is_empty() {
             views = (rows, columns);
-            let longer = field.meta.size[0].max(field.meta.size[1]).max(1);
-            side = side.min(longer);
-            let options = disparity::Options::shown();
-            let found = disparity::estimate_disparity(&field.data.view(), &options, &context.progress)?;
-            let order = depth_order_of(&field.data.view(), &found.disparity)?;
-            relief = Some((found.disparity, order));
+            side = side.min(field.meta.size[0].max(field.meta.size[1]).max(1));
         }
-        sets.push(viewer::shrink_views(
-            &field.meta.method.clone().map_or_else(|| name(path), String::from),
-            &field.data.view(),
-            side,
-        ));
+        let options = disparity::Options {
+            range: args.range.range,
+            weights: Some(light.iter().copied().collect()),
+            ..disparity::Options::shown()
+        };
+        // Each light field has its own depth: it may be another scene.
+        let found = disparity::estimate_disparity(&field.data.view(), &options, &context.progress)?;
+        args.range.note(&found).iter().for_each(|note| context.progress.note(&format!("{}: {note}", path.display())));
+        let order = depth_order_of(&field.data.view(), &found.disparity)?;
+        fill_dark_views(&mut field, &light, &found.disparity, order);
+        let label = match &field.meta.method {
+            Some(method) if !label.contains(method.name()) => format!("{label} ({method})"),
+            _ => label,
+        };
+        sets.push(viewer::shrink_views(&label, &field.data.view(), side, &found.disparity, order));
     }
-    let Some((disparity, order)) = relief else { return Err(Usage("no light field given".into()).into()) };
-    // Buttons of the same name could not be distinguished.
-    for k in 0..sets.len() {
-        if sets.iter().filter(|s| s.name == sets[k].name).count() > 1 {
-            sets[k].name = format!("{} {}", name(&args.light_fields[k]), k + 1);
-        }
-    }
-    let scaled = |map: &Array2<f32>, side: usize| {
-        let small = shrink(&map.view().insert_axis(ndarray::Axis(2)), side);
-        let factor = small.dim().1 as f32 / map.dim().1 as f32;
-        small.index_axis(ndarray::Axis(2), 0).mapv(|d| d * factor)
-    };
     let title = args.title.clone().unwrap_or_else(|| name(&args.light_fields[0]));
     context.progress.begin("writing the page", 0);
-    let content = ViewerContent { title, views, disparity: scaled(&disparity, side), sets, order };
+    let content = ViewerContent { title, views, sets };
     let html = viewer::viewer_page(&content, args.quality, (args.max_mb * 1e6) as usize)?;
     output::write_file(&args.out, args.force, html.as_bytes())?;
     let megabytes = html.len() as f64 / 1e6;
@@ -110,4 +121,17 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     );
     let json = json!({ "out": args.out, "bytes": html.len(), "side": side, "sets": content.sets.len() });
     Ok(Outcome { json, text })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn light_fields_are_told_apart_by_name_folder_and_number() {
+        let of = |paths: &[&str]| labels(&paths.iter().map(PathBuf::from).collect::<Vec<_>>());
+        assert_eq!(of(&["a/x.lf", "y.npy"]), ["x", "y"]);
+        assert_eq!(of(&["a/x", "b/x", "c"]), ["a/x", "b/x", "c"]);
+        assert_eq!(of(&["a/x", "a/x"]), ["a/x 1", "a/x 2"]);
+    }
 }

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use lenslet::apps::fill_dark_views;
 use lenslet::apps::viewpoint::{self, ViewpointPath};
 use lenslet::image_io::{Picture, shrink};
 use lenslet_core::progress::Observer;
@@ -9,8 +10,10 @@ use lenslet_views::disparity;
 use lenslet_views::multiview::depth_order_of;
 use serde_json::json;
 
-use super::refocus::{check_pictures, ending, load, write_pictures};
-use super::values::parse_views;
+use super::refocus::{check_pictures, ending, write_pictures};
+use super::source::ReadArgs;
+use super::values::RangeArgs;
+use super::written::check_animation_name;
 use super::{Context, Outcome, Usage};
 
 /// Move the viewpoint: an animation along a circle or a line
@@ -27,20 +30,21 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "circle")]
     path: ViewpointPath,
     /// How far, in view steps (default: to the outermost views)
-    #[arg(long, value_name = "STEPS")]
+    #[arg(value_parser = super::values::finite::<f32>, long, value_name = "STEPS")]
     radius: Option<f32>,
     /// Pictures in the animation
     #[arg(long, default_value_t = 24, value_name = "N", value_parser = clap::value_parser!(u16).range(2..=1000))]
     frames: u16,
     /// Surfaces of this disparity do not move in the picture (default: the median)
-    #[arg(long, value_name = "D", allow_hyphen_values = true)]
+    #[arg(value_parser = super::values::finite::<f32>, long, value_name = "D", allow_hyphen_values = true)]
     hold: Option<f32>,
     /// Make the longer side at most this many pixels
     #[arg(long, default_value_t = 720, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..))]
     side: u32,
-    /// Views (N or ROWSxCOLUMNS) of files that do not hold their number
-    #[arg(long, value_name = "N", value_parser = parse_views)]
-    views: Option<[usize; 2]>,
+    #[command(flatten)]
+    range: RangeArgs,
+    #[command(flatten)]
+    read: ReadArgs,
     /// Where to write
     #[arg(long, value_name = "FILE.gif|FILE.apng|DIR")]
     out: PathBuf,
@@ -58,10 +62,9 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if args.radius.is_some_and(|r| !(r.is_finite() && r > 0.0)) || args.hold.is_some_and(|d| !d.is_finite()) {
         return Err(Usage("--radius must be above 0, --hold a number".into()).into());
     }
+    check_animation_name(&args.out, false)?;
     check_pictures(&args.out, args.force, &args.light_field)?;
-    context.progress.begin("reading", 0);
-    let field = load(&args.light_field, args.views)?;
-    context.progress.check()?;
+    let (mut field, light) = args.read.load_light(&args.light_field, true, context)?;
     let [rows, columns] = field.meta.views;
     // Of an even number of views the middle one has fewer to its right and below.
     let (wide, high) = ((columns - 1 - columns / 2) as f32, (rows - 1 - rows / 2) as f32);
@@ -77,9 +80,15 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         ))
         .into());
     }
-    let options = disparity::Options::shown();
+    let options = disparity::Options {
+        range: args.range.range,
+        weights: Some(light.iter().copied().collect()),
+        ..disparity::Options::shown()
+    };
     let found = disparity::estimate_disparity(&field.data.view(), &options, &context.progress)?;
+    args.range.note(&found).iter().for_each(|note| context.progress.note(note));
     let order = depth_order_of(&field.data.view(), &found.disparity)?;
+    fill_dark_views(&mut field, &light, &found.disparity, order);
     let hold = args.hold.unwrap_or_else(|| {
         let mut list: Vec<f32> = found.disparity.iter().copied().collect();
         list.sort_unstable_by(f32::total_cmp);

@@ -9,7 +9,7 @@ use crate::cli::Usage;
 use crate::cli::written::{Written, ending};
 
 /// Endings of files in a folder that may be captures.
-const CAPTURES: [&str; 9] = ["lfp", "lfr", "raw", "png", "tif", "tiff", "jpg", "jpeg", "pgm"];
+const CAPTURES: [&str; 10] = ["lfp", "lfr", "raw", "png", "tif", "tiff", "jpg", "jpeg", "bmp", "pgm"];
 
 /// One capture and where its light field goes.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,7 +25,8 @@ pub fn jobs(inputs: &[PathBuf], written: &Written) -> anyhow::Result<(Vec<Job>, 
     if several {
         return Ok((each(inputs, &written.out, written.format_of_each())?, true));
     }
-    let job = |p: &PathBuf| Job { capture: p.clone(), out: written.out.clone(), format: written.format() };
+    let format = written.format()?;
+    let job = |p: &PathBuf| Job { capture: p.clone(), out: written.out.clone(), format };
     Ok((inputs.iter().map(job).collect(), false))
 }
 

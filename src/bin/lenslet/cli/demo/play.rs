@@ -45,7 +45,7 @@ pub(super) fn write(
         .observer(observer)
         .prepare()?
         .render_all(&mut |v, u, view: View| field.put(v, u, view.pixels()))?;
-    let plain = viewer::shrink_views("barycentric", &field.data.view(), SIDE);
+    let barycentric = field.data.clone();
     samples
         .renderer(Interpolation::Multiview)
         .size(*target)
@@ -58,9 +58,10 @@ pub(super) fn write(
     let content = ViewerContent {
         title: "A simulated light field to play with".to_owned(),
         views: (n, n),
-        sets: vec![viewer::shrink_views("multiview", &data, SIDE), plain],
-        disparity: found.disparity.clone(),
-        order,
+        // The same scene from the same samples: one depth.
+        sets: [("multiview", data), ("barycentric", barycentric.view())]
+            .map(|(name, data)| viewer::shrink_views(name, &data, SIDE, &found.disparity, order))
+            .into(),
     };
     output::write_file(&root.join(PAGE), false, viewer::viewer_page(&content, 88, LIMIT)?.as_bytes())?;
 
