@@ -78,7 +78,7 @@ fn wrong_usage_is_told_apart_from_failure() {
     let field = field(folder.path());
     let out = folder.path().join("x.png");
     let code = |arguments: &[&str]| {
-        let mut all = vec!["refocus", text(&field), "--out", text(&out)];
+        let mut all = vec!["-q", "refocus", text(&field), "--out", text(&out)];
         all.extend(arguments);
         let output = lenslet(&all);
         assert_eq!(String::from_utf8_lossy(&output.stderr).lines().count(), 1, "{:?}", output);

@@ -6,11 +6,23 @@
 
 #[path = "regression/bench.rs"]
 mod bench;
+#[path = "regression/disparity.rs"]
+mod disparity;
 #[path = "regression/exports.rs"]
 mod exports;
+#[path = "regression/fields.rs"]
+mod fields;
+#[path = "regression/folders.rs"]
+mod folders;
 #[path = "regression/kept_files.rs"]
 mod kept_files;
+#[path = "regression/light.rs"]
+mod light;
+#[path = "regression/small_files.rs"]
+mod small_files;
 #[path = "regression/streams.rs"]
 mod streams;
+#[path = "regression/values.rs"]
+mod values;
 #[path = "regression/writers.rs"]
 mod writers;

@@ -131,6 +131,7 @@ fn usual_axes(sides: &[usize]) -> Result<&'static [u8], String> {
             }
             Ok(b"vutsc")
         }
+        [a, _, b, _, _] if channels(a) && channels(b) => Err(say("--axes cvuts or --axes vucts")),
         [c, _, _, _, _] if channels(c) => Err(say("--axes cvuts")),
         [_, _, c, _, _] if channels(c) => Err(say("--axes vucts")),
         [_, _, _, 3 | 4] => Ok(b"ntsc"),

@@ -220,8 +220,16 @@ fn find_light_field(
             break;
         }
         file.seek(SeekFrom::Start(at)).map_err(io_at(path))?;
-        let (kind, size) = read_tag(file, big).map_err(|_| malformed(path, "ends within a variable"))?;
+        let (kind, size) = match read_tag(file, big) {
+            Ok(tag) => tag,
+            Err(_) if found_by_name => break,
+            Err(_) => return Err(malformed(path, "ends within a variable")),
+        };
         let start = at + 8;
+        // Behind the light field nothing is needed.
+        if size > length - start && found_by_name {
+            break;
+        }
         if size > length - start {
             let reason = format!("ends early: {length} bytes, but the variable at byte {at} has {size}");
             return Err(malformed(path, reason));

@@ -169,11 +169,11 @@ fn read_map(path: &Path) -> anyhow::Result<Array2<f32>> {
     } else {
         pfm::from_bytes(&bytes).with_context(|| format!("{name}"))?
     };
-    let bad = map.iter().filter(|d| d.is_nan()).count();
+    let bad = map.iter().filter(|d| !d.is_finite()).count();
     if bad > 0 {
-        let at = map.indexed_iter().find(|(_, d)| d.is_nan()).map_or((0, 0), |(at, _)| at);
+        let at = map.indexed_iter().find(|(_, d)| !d.is_finite()).map_or((0, 0), |(at, _)| at);
         anyhow::bail!(
-            "{name}: {bad} of {} values are NaN, the first at row {}, column {}; infinite ones mark what is unknown",
+            "{name}: {bad} of {} values are not finite numbers, the first at row {}, column {}",
             map.len(),
             at.0,
             at.1

@@ -70,6 +70,8 @@ fn describe(args: &Args) -> anyhow::Result<Value> {
         super::dict::describe(&dictionary::load(path)?).0
     } else if head.starts_with(b"\x93NUMPY") || head.starts_with(b"MATLAB") || args.read.has_views() {
         light_field(path, args)?
+    } else if let Some(found) = described_picture(head, path, args) {
+        found
     } else if head.len() == 512 && &head[257..262] == b"ustar" {
         calibration_images("archive of calibration files", path)?
     } else if find::looks_like_object(head) {
@@ -87,6 +89,12 @@ fn describe(args: &Args) -> anyhow::Result<Value> {
     };
     json["bytes"] = meta.len().into();
     Ok(json)
+}
+
+/// A lenslet picture that says so itself.
+fn described_picture(head: &[u8], path: &Path, args: &Args) -> Option<Value> {
+    let found = head.starts_with(b"\x89PNG").then(|| light_field(path, args).ok()).flatten()?;
+    (found["kind"] == "light field").then_some(found)
 }
 
 fn segments(path: &Path) -> anyhow::Result<Value> {

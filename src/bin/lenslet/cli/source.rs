@@ -72,7 +72,7 @@ impl ReadArgs {
 }
 
 fn opened(path: &Path, options: &ReadOptions, context: &Context) -> anyhow::Result<Box<dyn ViewSource>> {
-    let source = lightfield::open(path, options).with_context(|| path.display().to_string())?;
+    let source = lightfield::open(path, options)?;
     source.notes().iter().for_each(|note| context.progress.note(note));
     Ok(source)
 }
