@@ -18,7 +18,18 @@ use rand::{RngExt, SeedableRng};
 const COUNT: usize = 3000;
 /// Words and numbers that break readers.
 const WORDS: [&[u8]; 12] = [
-    b"NaN", b"-1", b"1e999", b"null", b"[[[[[[", b"\"", b"\xff\xff\xff\xff", b"\x7f\xff\xff\xff", b"\0\0\0\0", b"4294967296", b"inf", b"9999999999",
+    b"NaN",
+    b"-1",
+    b"1e999",
+    b"null",
+    b"[[[[[[",
+    b"\"",
+    b"\xff\xff\xff\xff",
+    b"\x7f\xff\xff\xff",
+    b"\0\0\0\0",
+    b"4294967296",
+    b"inf",
+    b"9999999999",
 ];
 
 /// `bytes` cut off at some hundred lengths, then damaged `count` times.
@@ -106,7 +117,9 @@ fn every_reader_answers_within_a_gigabyte() {
     });
     // An array with its description: damage to either never gives another colour space without a note.
     let meta = Meta::new([2, 2], [5, 6], 3, ColourSpace::Linear);
-    for (k, (name, format)) in [("a.npy", Format::Npy), ("a.mat", Format::Mat), ("a.png", Format::Eslf)].into_iter().enumerate() {
+    for (k, (name, format)) in
+        [("a.npy", Format::Npy), ("a.mat", Format::Mat), ("a.png", Format::Eslf)].into_iter().enumerate()
+    {
         let mut sink = lightfield::create(&at(name), meta.clone(), format, false).unwrap();
         for place in 0..4 {
             sink.write(place / 2, place % 2, &Array3::from_elem((5, 6, 3), 0.1 + 0.2 * place as f32)).unwrap();

@@ -92,7 +92,9 @@ pub fn format_of(head: &[u8]) -> Option<(&'static str, bool)> {
     // A bitmap's two letters alone may begin any file: the four zeros of its header and a known length follow.
     let bitmap = at(0, b"BM")
         && at(6, &[0; 4])
-        && head.get(14..16).is_none_or(|size| size[1] == 0 && matches!(size[0], 12 | 16 | 40 | 52 | 56 | 64 | 108 | 124));
+        && head
+            .get(14..16)
+            .is_none_or(|size| size[1] == 0 && matches!(size[0], 12 | 16 | 40 | 52 | 56 | 64 | 108 | 124));
     let anymap = matches!(head, [b'P', b'1'..=b'7', white, next, ..]
         if white.is_ascii_whitespace() && (next.is_ascii_digit() || next.is_ascii_whitespace() || *next == b'#' || *next == b'W'));
     let known: [(bool, &str, bool); 19] = [

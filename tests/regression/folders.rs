@@ -100,6 +100,10 @@ fn pictures_that_are_left_out_are_counted() {
     }
     save_view(&field, 0, 0, &bench.at("f/disparity.png"));
     let answer = aloud(bench.path(), "convert f --out x");
-    assert!(answer.code == Some(0) && answer.err.contains("1 pictures") && answer.err.contains("disparity.png"), "{}", answer.err);
+    assert!(
+        answer.code == Some(0) && answer.err.contains("1 pictures") && answer.err.contains("disparity.png"),
+        "{}",
+        answer.err
+    );
     bench.refused("convert w --out y", &["WebP", "PNG"]);
 }

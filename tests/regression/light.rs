@@ -37,7 +37,8 @@ fn dark_corner_views_leave_the_middle_view_as_it_is() {
     let without = read_npy(&bench.at("without-refined.npy"));
     bench.done("refocus without.npy --disparity 0.3 --shape square --out without.png");
     let picture = |name: &str| image::open(bench.at(name)).unwrap().into_rgb8();
-    let confidence = |name: &str| told(bench.path(), &format!("depth {name} --out d --force"))["mean_confidence"].as_f64().unwrap();
+    let confidence =
+        |name: &str| told(bench.path(), &format!("depth {name} --out d --force"))["mean_confidence"].as_f64().unwrap();
     let usual = confidence("without.npy");
     for (k, light) in [0.0, 0.3, 0.5].into_iter().enumerate() {
         ndarray_npy::write_npy(bench.at("dark.npy"), &darkened(&field, light).0).unwrap();

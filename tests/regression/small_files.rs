@@ -53,7 +53,8 @@ fn pictures_that_claim_much_are_refused_within_bounded_memory() {
     std::fs::copy(bench.at("s/truth/views/view_00_00.png"), bench.at("p/good.png")).unwrap();
     let answer = aloud(bench.path(), &format!("gen-pairs p --pairs 50 --crop 48 --shrink 1 --out o --memory {LIMIT}"));
     assert!(answer.code == Some(0) && answer.err.contains("bad.png"), "{}", answer.err);
-    for line in ["gen-pairs palette.png --out x", "simulate --photo palette.png --out x", "convert palette.png --out x"] {
+    for line in ["gen-pairs palette.png --out x", "simulate --photo palette.png --out x", "convert palette.png --out x"]
+    {
         bench.refused(&format!("{line} --memory {LIMIT}"), &["palette.png", "MiB"]);
     }
     for text in ["P5 60000 60000 255\n", "P6 4294967295 4294967295 255\n"] {

@@ -24,7 +24,10 @@ fn codes_in_other_types_are_recognised_or_refused() {
     bench.done("convert ten.npy --full-scale 1020 --out d.npy");
     assert!(psnr_of_middle(&read_npy(&bench.at("d.npy")), &truth) > 80.0);
     for command in ["infer", "refine", "depth", "view", "viewpoint", "refocus --disparity 0"] {
-        bench.refused(&format!("{command} odd.npy --out x{}", if command == "view" { ".html" } else { "" }), &["--full-scale"]);
+        bench.refused(
+            &format!("{command} odd.npy --out x{}", if command == "view" { ".html" } else { "" }),
+            &["--full-scale"],
+        );
     }
 }
 
@@ -100,7 +103,8 @@ fn a_description_that_contradicts_its_pictures_is_refused() {
     let bench = Bench::new();
     let text = String::from_utf8(bench.bytes("lf/lightfield.json")).unwrap();
     let good: serde_json::Value = serde_json::from_str(&text).unwrap();
-    let commands = ["info lf", "convert lf --out x", "refine lf --out x", "infer lf --out x", "depth lf --out x", "score lf lf"];
+    let commands =
+        ["info lf", "convert lf --out x", "refine lf --out x", "infer lf --out x", "depth lf --out x", "score lf lf"];
     for (key, value, word) in [
         ("size", serde_json::json!([16384, 16384]), "40x40"),
         ("views", serde_json::json!([5, 5]), "view_00_03"),
@@ -114,7 +118,9 @@ fn a_description_that_contradicts_its_pictures_is_refused() {
             bench.refused(command, &["lightfield.json", word]);
         }
     }
-    for (key, value, word) in [("colour", serde_json::json!("linear"), "linear"), ("pitch", serde_json::json!(9.5), "pitch")] {
+    for (key, value, word) in
+        [("colour", serde_json::json!("linear"), "linear"), ("pitch", serde_json::json!(9.5), "pitch")]
+    {
         let mut bad = good.clone();
         bad[key] = value;
         bench.put("lf/lightfield.json", bad.to_string());
@@ -212,6 +218,7 @@ fn a_view_of_an_array_in_another_order_is_the_same_view() {
     ndarray_npy::write_npy(bench.at("uv.npy"), &swapped).unwrap();
     bench.done("convert uv.npy --axes uvtsc --out a.npy");
     let found = read_npy(&bench.at("a.npy"));
-    let off = &found.index_axis(Axis(0), 2).slice(s![0, .., .., ..]) - &field.slice(s![2, 0, .., .., ..]).mapv(|x| f32::from(x) / 255.0);
+    let off = &found.index_axis(Axis(0), 2).slice(s![0, .., .., ..])
+        - &field.slice(s![2, 0, .., .., ..]).mapv(|x| f32::from(x) / 255.0);
     assert!(off.iter().all(|x| x.abs() < 1e-6));
 }

@@ -164,9 +164,8 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<BlockViews, Err
     }
     let block = SampleBlock::new(bytes, BlockLayout { strides: layout.strides, number: array.stored, scale });
     if layout.stored == 4 && meta.weights.is_none() && !options.header_only {
-        let means: Vec<f64> = (0..rows * columns)
-            .map(|k| block.mean_of_channel(k / columns, k % columns, (height, width), 3))
-            .collect();
+        let means: Vec<f64> =
+            (0..rows * columns).map(|k| block.mean_of_channel(k / columns, k % columns, (height, width), 3)).collect();
         meta.weights = relative_weights(&means);
     }
     Ok(BlockViews::new(path, meta, block, notes, length))

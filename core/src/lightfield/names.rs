@@ -60,7 +60,8 @@ impl Arrangement {
         let first: Vec<&str> = self.left_out.iter().take(FEW).map(String::as_str).collect();
         let more = if self.left_out.len() > FEW { ", …" } else { "" };
         let n = self.left_out.len();
-        (n > 0).then(|| format!("{n} pictures are no views by their names and are left out: {}{more}", first.join(", ")))
+        (n > 0)
+            .then(|| format!("{n} pictures are no views by their names and are left out: {}{more}", first.join(", ")))
     }
 }
 
@@ -221,7 +222,9 @@ fn running(
     let Some(i) = number else {
         let names = group.into_iter().map(|(_, name)| Some(name)).collect();
         return match wanted {
-            Some([rows, columns]) if rows * columns != n => Err(format!("{n} pictures {pattern}, not {rows}x{columns}")),
+            Some([rows, columns]) if rows * columns != n => {
+                Err(format!("{n} pictures {pattern}, not {rows}x{columns}"))
+            }
             _ => Ok(Arrangement { views: [1, 1], names, left_out, order: Order::Named }),
         };
     };
@@ -332,8 +335,7 @@ mod tests {
 
     #[test]
     fn signs_and_fractions() {
-        let names: Vec<String> =
-            (-3..4).flat_map(|r| (-3..4).map(move |c| format!("view_{r}_{c}.png"))).collect();
+        let names: Vec<String> = (-3..4).flat_map(|r| (-3..4).map(move |c| format!("view_{r}_{c}.png"))).collect();
         assert_eq!(arranged(names.clone(), None).unwrap(), ([7, 7], names, 0));
         // Rows count upwards, the camera's height falls and wavers.
         let names: Vec<String> = (0..5)

@@ -48,7 +48,13 @@ impl Writer {
         let data = (meta.views[0] * meta.views[1]) as u64 * (t * s * c) as u64 * 4;
         file.set_len(head.len() as u64 + data).map_err(io_at(path))?;
         let written = vec![false; meta.views[0] * meta.views[1]];
-        Ok(Writer { meta, written, data_start: head.len() as u64, pending: Some([pending, beside]), queue: WriteQueue::new() })
+        Ok(Writer {
+            meta,
+            written,
+            data_start: head.len() as u64,
+            pending: Some([pending, beside]),
+            queue: WriteQueue::new(),
+        })
     }
 }
 
@@ -174,8 +180,7 @@ impl Reader {
             return Ok(());
         }
         let found = read_text(&beside).and_then(|text| Companion::from_text(&text)).and_then(|found| {
-            let fingerprint =
-                fingerprint_of_file(&self.path, self.start, bytes).map_err(|e| e.to_string())?;
+            let fingerprint = fingerprint_of_file(&self.path, self.start, bytes).map_err(|e| e.to_string())?;
             found.of(&self.meta, &fingerprint)
         });
         match found {

@@ -57,18 +57,14 @@ impl Reader {
         found.left_out.extend(unread.into_iter().map(|(name, _)| name));
         let Some(first) = found.names.iter().flatten().next() else { return Err(malformed(folder, "no pictures")) };
         let image_file::Shape { width, height, channels } = image_file::read_shape(&folder.join(first))?;
-        let mut meta =
-            Meta::new(found.views, [height, width], channels, options.colour.unwrap_or(ColourSpace::Srgb));
+        let mut meta = Meta::new(found.views, [height, width], channels, options.colour.unwrap_or(ColourSpace::Srgb));
         meta.check().map_err(|e| malformed(folder, e.to_string()))?;
         let mut notes: Vec<String> = check_order(folder, &found)?.into_iter().collect();
         notes.extend(found.left_out_note());
         if found.missing() > 0 {
             let [rows, columns] = found.views;
-            let missing = format!(
-                "{} views of {rows}x{columns} are missing ({})",
-                found.missing(),
-                found.missing_places()
-            );
+            let missing =
+                format!("{} views of {rows}x{columns} are missing ({})", found.missing(), found.missing_places());
             if !options.partial {
                 let reason = format!("{missing}; depth and refocus take what is there, anything else needs all");
                 return Err(unsupported(folder, reason));
@@ -105,7 +101,9 @@ fn check_order(folder: &Path, found: &Arrangement) -> Result<Option<String>, Err
         Rows::Other(other) => format!("rows of {other} views"),
     };
     if found.order == Order::Stated {
-        return Ok(Some(format!("taken as {rows}x{columns} views as --views says, though the pictures look like {looks}")));
+        return Ok(Some(format!(
+            "taken as {rows}x{columns} views as --views says, though the pictures look like {looks}"
+        )));
     }
     let reason = format!(
         "{n} numbered pictures, {rows}x{columns} views by their count, but by their parallax they are {looks}: state how they \

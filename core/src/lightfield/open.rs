@@ -121,7 +121,8 @@ pub fn read_all(source: &dyn ViewSource, path: &Path, max_bytes: u64) -> Result<
         return Err(Error::Unsupported { path: path.display().to_string(), reason });
     }
     if source.stored_bytes().is_some_and(|length| !may_expand(bytes / 4, length)) {
-        let reason = format!("its small files would need {} MiB in memory; they are damaged, or of one colour", bytes >> 20);
+        let reason =
+            format!("its small files would need {} MiB in memory; they are damaged, or of one colour", bytes >> 20);
         return Err(Error::Unsupported { path: path.display().to_string(), reason });
     }
     let mut data = Array5::zeros((rows, columns, t, w, c));

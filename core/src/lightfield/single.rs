@@ -23,7 +23,8 @@ impl SinglePicture {
     pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Self, Error> {
         let Shape { width, height, channels } = image_file::read_shape(path)?;
         let colour = options.colour.unwrap_or(ColourSpace::Srgb);
-        let range = if options.header_only { PictureRange::default() } else { PictureRange::of(path, options.full_scale)? };
+        let range =
+            if options.header_only { PictureRange::default() } else { PictureRange::of(path, options.full_scale)? };
         let path = path.to_path_buf();
         Ok(SinglePicture { path, meta: Meta::new([1, 1], [height, width], channels, colour), range })
     }

@@ -119,8 +119,7 @@ pub(super) fn full_scale(
         return Ok((full, note));
     }
     let codes = |full: f32| {
-        let note =
-            format!("{}: values up to {most} are taken for 0..{full}; {state} if it is another", path.display());
+        let note = format!("{}: values up to {most} are taken for 0..{full}; {state} if it is another", path.display());
         Ok((full, Some(note)))
     };
     if least < UNDERSHOOT && most <= UNIT {

@@ -6,7 +6,6 @@ use lenslet_core::picture_file::{ENDINGS, UNREAD_ENDINGS};
 
 use super::error::Error;
 
-
 /// Folders within folders that are searched.
 /// Source: chosen.
 const MOST_DEPTH: usize = 16;

@@ -53,7 +53,12 @@ fn luminance_of(photo: &DynamicImage, encoding: ColourSpace) -> Array2<f32> {
         if y.is_finite() { y.clamp(0.0, 1.0) } else { 0.0 }
     };
     // Pixel by pixel, without a copy of the photo in floating point.
-    fn gather<T: Copy>(raw: &[T], channels: usize, one: impl Fn(T) -> f32, weigh: impl Fn([f32; 3]) -> f32) -> Vec<f32> {
+    fn gather<T: Copy>(
+        raw: &[T],
+        channels: usize,
+        one: impl Fn(T) -> f32,
+        weigh: impl Fn([f32; 3]) -> f32,
+    ) -> Vec<f32> {
         // One channel, or one and alpha: grey.
         let colour = |p: &[T]| if channels < 3 { [one(p[0]); 3] } else { [one(p[0]), one(p[1]), one(p[2])] };
         raw.chunks_exact(channels).map(|p| weigh(colour(p))).collect()

@@ -119,7 +119,12 @@ pub fn estimate_planes(
         return Err(Error::Shape(format!("views of different sizes, the first {width}x{height}")));
     }
     let positive = |x: f32| x.is_finite() && x > 0.0;
-    if !positive(options.limit) || !positive(options.widest) || !positive(options.step) || !positive(options.truncation) || options.side < 16 {
+    if !positive(options.limit)
+        || !positive(options.widest)
+        || !positive(options.step)
+        || !positive(options.truncation)
+        || options.side < 16
+    {
         return Err(Error::Parameter(
             "disparity: limit, widest, step and truncation must be positive, side at least 16".into(),
         ));
@@ -139,7 +144,8 @@ pub fn estimate_planes(
     if let Some(weights) = &options.weights {
         let used = weights.iter().filter(|w| **w > 0.0).count();
         if weights.len() != rows * columns || used < 2 || !options.uses(at.0 * columns + at.1) {
-            let reason = format!("{used} of {rows}x{columns} views hold light, and the one in the middle must be one of them");
+            let reason =
+                format!("{used} of {rows}x{columns} views hold light, and the one in the middle must be one of them");
             return Err(Error::Shape(reason));
         }
     }

@@ -58,15 +58,18 @@ impl ViewLight {
     pub fn of(data: &ArrayView5<f32>, linear: bool, stated: Option<&[f32]>) -> Self {
         let (rows, columns, ..) = data.dim();
         let n = rows * columns;
-        let blocks: Vec<Vec<f32>> =
-            (0..n).into_par_iter().map(|k| block_means(&data.slice(s![k / columns, k % columns, .., .., ..]), linear)).collect();
+        let blocks: Vec<Vec<f32>> = (0..n)
+            .into_par_iter()
+            .map(|k| block_means(&data.slice(s![k / columns, k % columns, .., .., ..]), linear))
+            .collect();
         let total = |k: usize| blocks[k].iter().sum::<f32>();
         let mut totals: Vec<f32> = (0..n).map(total).collect();
         totals.sort_unstable_by(f32::total_cmp);
         let middle = (rows / 2) * columns + columns / 2;
         // A middle view that is itself dark is no measure.
         let bright = totals[(3 * n / 4).min(n - 1)];
-        let reference = if total(middle) >= LEAST * bright { Some(middle) } else { (0..n).find(|&k| total(k) >= bright) };
+        let reference =
+            if total(middle) >= LEAST * bright { Some(middle) } else { (0..n).find(|&k| total(k) >= bright) };
         let Some(reference) = reference.filter(|&k| total(k) > 0.0) else { return ViewLight::even(n) };
         let mut out = ViewLight::even(n);
         for k in 0..n {

@@ -45,7 +45,8 @@ pub(super) fn find_range(
     let mut bounds = (-limit, limit);
     if widest > 1.05 * limit {
         let wide = cost_volume(grid, at, hypotheses((-widest, widest), options.step, reach), 2, options, observer)?;
-        let own: Vec<f32> = (0..votes.len()).map(|k| usual.planes.iter().map(|p| p[k]).fold(f32::INFINITY, f32::min)).collect();
+        let own: Vec<f32> =
+            (0..votes.len()).map(|k| usual.planes.iter().map(|p| p[k]).fold(f32::INFINITY, f32::min)).collect();
         let mut better = 0usize;
         let mut beyond = votes_of(&wide, |k, d| {
             // At the borders few views remain, and cost little by chance.

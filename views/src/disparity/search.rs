@@ -77,7 +77,8 @@ fn refine_by_tensor(
     let n = ((hi - lo) / gap).ceil().clamp(1.0, 64.0) as usize;
     let width = (hi - lo) / n as f32;
     let shears: Vec<f32> = (0..n).map(|k| lo + width * (k as f32 + 0.5)).collect();
-    let tensors: Vec<_> = shears.par_iter().map(|&shear| tensor::slopes(grid, at, shear, 2, &|k| options.uses(k))).collect();
+    let tensors: Vec<_> =
+        shears.par_iter().map(|&shear| tensor::slopes(grid, at, shear, 2, &|k| options.uses(k))).collect();
     let spacing = volume.hypotheses[1] - volume.hypotheses[0];
     let cost = |k: usize, d: f32| {
         let place = ((d - volume.hypotheses[0]) / spacing).clamp(0.0, (volume.planes.len() - 1) as f32);

@@ -172,7 +172,19 @@ impl<'a> SampleSet<'a> {
             weights.len(),
             rows * columns
         );
-        Ok(SampleSet { rows, columns, points, values, weights, lanes, target, kind, pitch, single_view, gains: Vec::new() })
+        Ok(SampleSet {
+            rows,
+            columns,
+            points,
+            values,
+            weights,
+            lanes,
+            target,
+            kind,
+            pitch,
+            single_view,
+            gains: Vec::new(),
+        })
     }
 
     /// Rows and columns of views.

@@ -47,13 +47,17 @@ pub fn check_samples(source: &dyn ViewSource, samples: &HexSamples, path: &Path,
     let aspect = (width as f64 / height as f64) / (sensor_width as f64 / sensor_height as f64);
     // A pixel more or less changes small views by more.
     if (aspect - 1.0).abs() > ROUNDING + 2.0 / width.min(height) as f64 {
-        return refuse(format!("the samples are of a sensor of {sensor_width}x{sensor_height}, the views have {width}x{height}"));
+        return refuse(format!(
+            "the samples are of a sensor of {sensor_width}x{sensor_height}, the views have {width}x{height}"
+        ));
     }
     let actual = mean_pitch(samples) * width as f64 / sensor_width as f64;
     if let Some(pitch) = meta.pitch
         && (pitch / actual - 1.0).abs() > ROUNDING + 2.0 / width as f64
     {
-        return refuse(format!("the description says a pitch of {pitch:.3} pixels, the samples have one of {actual:.3}"));
+        return refuse(format!(
+            "the description says a pitch of {pitch:.3} pixels, the samples have one of {actual:.3}"
+        ));
     }
     let view = source.read(rows / 2, columns / 2)?;
     let own = samples.view(rows / 2, columns / 2);
@@ -83,7 +87,9 @@ pub fn check_samples(source: &dyn ViewSource, samples: &HexSamples, path: &Path,
     };
     if stated > OTHER && other < 0.5 * stated {
         let says = if meta.colour == ColourSpace::Linear { "linear light" } else { "sRGB" };
-        return refuse(format!("the description says {says}, but the pictures fit the samples only as the other colour space"));
+        return refuse(format!(
+            "the description says {says}, but the pictures fit the samples only as the other colour space"
+        ));
     }
     if stated > 2.0 * OTHER {
         return refuse("the pictures show something else than the samples: they are of another capture".into());
@@ -106,10 +112,7 @@ pub fn refuse_learned(meta: &Meta, path: &Path) -> anyhow::Result<()> {
 
 /// Refuses multi-view refinement, without samples, of views that hold the samples of all the others already.
 pub fn refuse_refined(meta: &Meta, path: &Path) -> anyhow::Result<()> {
-    let refined = matches!(
-        meta.method,
-        Some(ViewOrigin::Learned | ViewOrigin::Interpolated(Interpolation::Multiview))
-    );
+    let refined = matches!(meta.method, Some(ViewOrigin::Learned | ViewOrigin::Interpolated(Interpolation::Multiview)));
     anyhow::ensure!(
         !refined,
         "{}: its views are {} already, and refining them without the measured samples makes them worse; refine the light field \

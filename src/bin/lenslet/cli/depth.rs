@@ -81,7 +81,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let start = std::time::Instant::now();
     let found = disparity::estimate_disparity(&field.data.view(), &options, &context.progress)?;
     let seconds = start.elapsed().as_secs_f64();
-    let at_ends = args.range.note(&found);
+    let at_ends = args.range.note(&found, 1.0);
     at_ends.iter().for_each(|note| context.progress.note(note));
     let order = depth_order_of(&field.data.view(), &found.disparity)?;
 

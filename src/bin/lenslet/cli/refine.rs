@@ -89,9 +89,10 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     };
     let all: Vec<_> = (0..rows * columns).map(|k| (k / columns, k % columns)).collect();
     let mut options = Options::default();
-    options.disparity.range = args.range.range;
+    // Stated in pixels of the views that are there, searched in those of the result.
+    options.disparity.range = args.range.range.map(|(a, b)| (a * scale as f32, b * scale as f32));
     let refined = RefinedViews::estimate(set, &options, &context.progress)?;
-    args.range.note(&refined.disparities().middle).iter().for_each(|note| context.progress.note(note));
+    args.range.note(&refined.disparities().middle, scale as f32).iter().for_each(|note| context.progress.note(note));
     note_dark(&args.source.input, refined.dark(), rows * columns, context);
     refined.render_views(&all, &mut keep, &context.progress)?;
     let seconds = began.elapsed().as_secs_f64();

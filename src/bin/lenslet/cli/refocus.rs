@@ -154,7 +154,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         Focus::Point(x, y) => (vec![refocus::disparity_at(&data, (x, y), &options, &context.progress)?], None),
         Focus::Everything => {
             let found = disparity::estimate_disparity(&data, &options, &context.progress)?;
-            args.range.note(&found).iter().for_each(|note| context.progress.note(note));
+            args.range.note(&found, 1.0).iter().for_each(|note| context.progress.note(note));
             (vec![], Some(found.disparity))
         }
     };

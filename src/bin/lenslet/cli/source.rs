@@ -59,7 +59,12 @@ impl ReadArgs {
 
     /// Reads a whole light field in linear light, its dim views brightened; the weight of each view, 0 for those that are
     /// dark. `partial`: views may be absent.
-    pub fn load_light(&self, path: &Path, partial: bool, context: &Context) -> anyhow::Result<(LightField, Array2<f32>)> {
+    pub fn load_light(
+        &self,
+        path: &Path,
+        partial: bool,
+        context: &Context,
+    ) -> anyhow::Result<(LightField, Array2<f32>)> {
         context.progress.begin("reading", 0);
         let source = opened(path, &ReadOptions { partial, ..self.options() }, context)?;
         let mut field = lightfield::read_all(&*source, path, 0)?;

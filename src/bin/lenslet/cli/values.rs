@@ -123,10 +123,11 @@ pub struct RangeArgs {
 const AT_ENDS: f32 = 0.03;
 
 impl RangeArgs {
-    /// A note where many of the disparities found lie at the ends of the range that was searched.
-    pub fn note(self, found: &lenslet_views::disparity::Disparity) -> Option<String> {
+    /// A note where many of the disparities found lie at the ends of the range that was searched. `pixel`: side of a pixel
+    /// of the light field in those of the disparities.
+    pub fn note(self, found: &lenslet_views::disparity::Disparity, pixel: f32) -> Option<String> {
         let share = found.share_at_ends();
-        let (low, high) = found.searched.filter(|_| share > AT_ENDS)?;
+        let (low, high) = found.searched.filter(|_| share > AT_ENDS).map(|(a, b)| (a / pixel, b / pixel))?;
         Some(format!(
             "{:.0} % of the disparities lie at the ends of the range {low:.2} to {high:.2} that was searched: the true ones \
              may lie beyond; give a wider --range",

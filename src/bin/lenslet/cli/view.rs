@@ -99,7 +99,10 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         };
         // Each light field has its own depth: it may be another scene.
         let found = disparity::estimate_disparity(&field.data.view(), &options, &context.progress)?;
-        args.range.note(&found).iter().for_each(|note| context.progress.note(&format!("{}: {note}", path.display())));
+        args.range
+            .note(&found, 1.0)
+            .iter()
+            .for_each(|note| context.progress.note(&format!("{}: {note}", path.display())));
         let order = depth_order_of(&field.data.view(), &found.disparity)?;
         fill_dark_views(&mut field, &light, &found.disparity, order);
         let label = match &field.meta.method {

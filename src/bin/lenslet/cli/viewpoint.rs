@@ -86,7 +86,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         ..disparity::Options::shown()
     };
     let found = disparity::estimate_disparity(&field.data.view(), &options, &context.progress)?;
-    args.range.note(&found).iter().for_each(|note| context.progress.note(note));
+    args.range.note(&found, 1.0).iter().for_each(|note| context.progress.note(note));
     let order = depth_order_of(&field.data.view(), &found.disparity)?;
     fill_dark_views(&mut field, &light, &found.disparity, order);
     let hold = args.hold.unwrap_or_else(|| {

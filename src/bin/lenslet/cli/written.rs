@@ -96,9 +96,43 @@ fn is_an_ending(path: &Path) -> bool {
 /// Refuses a folder that is named as a file.
 pub fn check_folder_name(out: &Path) -> Result<(), Usage> {
     const FILES: [&str; 37] = [
-        "png", "jpg", "jpeg", "tif", "tiff", "bmp", "gif", "apng", "webp", "pgm", "ppm", "pfm", "exr", "npy", "npz", "mat", "csv",
-        "json", "jsonl", "txt", "md", "html", "htm", "pdf", "zip", "tar", "gz", "lfp", "lfr", "raw", "calib", "lfd", "safetensors",
-        "ply", "toml", "mp4", "h5",
+        "png",
+        "jpg",
+        "jpeg",
+        "tif",
+        "tiff",
+        "bmp",
+        "gif",
+        "apng",
+        "webp",
+        "pgm",
+        "ppm",
+        "pfm",
+        "exr",
+        "npy",
+        "npz",
+        "mat",
+        "csv",
+        "json",
+        "jsonl",
+        "txt",
+        "md",
+        "html",
+        "htm",
+        "pdf",
+        "zip",
+        "tar",
+        "gz",
+        "lfp",
+        "lfr",
+        "raw",
+        "calib",
+        "lfd",
+        "safetensors",
+        "ply",
+        "toml",
+        "mp4",
+        "h5",
     ];
     let ending = ending_of(out);
     if FILES.contains(&ending.as_str()) {
@@ -116,7 +150,10 @@ pub fn check_animation_name(out: &Path, one: bool) -> Result<(), Usage> {
         return Ok(());
     }
     let pictures = if one { ".png, .gif, .apng" } else { ".gif, .apng" };
-    Err(Usage(format!("{}: .{ending} is not written: {pictures}, or a name without an ending for a folder", out.display())))
+    Err(Usage(format!(
+        "{}: .{ending} is not written: {pictures}, or a name without an ending for a folder",
+        out.display()
+    )))
 }
 
 /// Refuses names that are no page.
