@@ -51,8 +51,7 @@ impl Companion {
 
     /// As text.
     pub(super) fn to_text(&self) -> Result<String, Error> {
-        serde_json::to_string(self)
-            .map_err(|e| Error::Parameter(format!("cannot describe the light field: {e}")))
+        serde_json::to_string(self).map_err(|e| Error::Parameter(format!("cannot describe the light field: {e}")))
     }
 
     /// The description out of its text.

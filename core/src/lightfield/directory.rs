@@ -123,7 +123,7 @@ fn check_pictures(folder: &Path, meta: &Meta) -> Result<u64, String> {
         if shape.channels > channels {
             return Err(format!("it describes views of 1 channel, but {} has {}", path.display(), shape.channels));
         }
-        stored += fs::metadata(&path).map_or(0, |m| m.len());
+        stored += std::fs::metadata(&path).map_or(0, |m| m.len());
     }
     for (v, u) in [(rows, 0), (0, columns)] {
         let more = view_name(v, u);

@@ -21,7 +21,7 @@ const MAX_VALUES: usize = 1 << 30;
 /// Reads a lenslet picture, kept in memory as stored.
 pub(super) fn open(path: &Path, views: [usize; 2], options: &ReadOptions) -> Result<BlockViews, Error> {
     let shape = image_file::read_shape_within(path, MAX_VALUES)?;
-    let length = fs::metadata(path).map_err(io_at(path))?.len();
+    let length = std::fs::metadata(path).map_err(io_at(path))?.len();
     let [rows, columns] = views;
     // Incomplete lenslets at the right and bottom edge are left out.
     let size = [shape.height / rows.max(1), shape.width / columns.max(1)];

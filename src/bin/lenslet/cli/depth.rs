@@ -160,7 +160,8 @@ fn read_map(path: &Path) -> anyhow::Result<Array2<f32>> {
         let count = sides.iter().try_fold(1u64, |a, &b| a.checked_mul(b));
         anyhow::ensure!(count.is_some_and(|n| n <= length), "{name}: it says {claimed}, more than it holds");
         if text.contains("<f8") {
-            let map = Array2::<f64>::read_npy(&bytes[..]).with_context(|| format!("{name} is not an .npy of two dimensions"))?;
+            let map = Array2::<f64>::read_npy(&bytes[..])
+                .with_context(|| format!("{name} is not an .npy of two dimensions"))?;
             map.mapv(|d| d as f32)
         } else {
             Array2::<f32>::read_npy(&bytes[..])

@@ -61,8 +61,8 @@ impl Written {
     }
 
     /// [`check_output`] of one light field.
-    pub fn check(&self, inputs: &[&Path]) -> Result<(), output::Error> {
-        check_output(&self.out, kind_of(self.format()), self.force, inputs)
+    pub fn check(&self, inputs: &[&Path]) -> anyhow::Result<()> {
+        Ok(check_output(&self.out, kind_of(self.format()?), self.force, inputs)?)
     }
 
     fn chosen(&self) -> Option<Format> {
