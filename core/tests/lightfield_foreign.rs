@@ -178,8 +178,11 @@ fn mat_and_eslf_round_trips() {
         let options = ReadOptions { views: Some([3, 2]), ..ReadOptions::default() };
         assert_eq!(load(&eslf, &options).unwrap().data, data);
     }
-    // Without a number of views the same file is one picture, its views side by side in every lenslet.
-    let whole = read(&dir.path().join("1.png")).unwrap();
+    // It says so itself; saved by another program it is one picture, its views side by side in every lenslet.
+    assert_eq!(read(&dir.path().join("1.png")).unwrap().meta.views, [3, 2]);
+    let plain = dir.path().join("plain.png");
+    image::open(dir.path().join("1.png")).unwrap().save(&plain).unwrap();
+    let whole = read(&plain).unwrap();
     assert_eq!(whole.meta.size, [15, 14]);
     let data = numbered((3, 2, 5, 7, 1)).mapv(|x| f32::from(x) / 255.0);
     assert_eq!(whole.data[[0, 0, 3 * 4 + 2, 2 * 6 + 1, 0]], data[[2, 1, 4, 6, 0]]);

@@ -40,7 +40,8 @@ pub(super) struct Writer {
 impl Writer {
     pub(super) fn create(path: &Path, meta: Meta, force: bool) -> Result<Self, Error> {
         let pending = Pending::file(path, force)?;
-        let beside = Pending::file(&companion_path(path), force)?;
+        // A description that lenslet wrote is nothing without its array: one that is left is replaced, any other file kept.
+        let beside = Pending::file(&companion_path(path), true)?;
         let (t, s, c) = meta.view_shape();
         let head = header_bytes(&[meta.views[0], meta.views[1], t, s, c]);
         let mut file = pending.handle()?;
@@ -106,8 +107,9 @@ impl ViewSink for Writer {
         let fingerprint = fingerprint_of_file(pending.path(), self.data_start, length)?;
         let text = Companion::new(&self.meta, fingerprint).to_text()?;
         beside.write((text + "\n").as_bytes())?;
-        pending.commit()?;
-        Ok(beside.commit()?)
+        // First, so that an array that is there has its description; one of other numbers is left alone.
+        beside.commit()?;
+        Ok(pending.commit()?)
     }
 }
 
