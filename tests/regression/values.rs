@@ -154,6 +154,13 @@ fn endings_that_are_not_written_are_refused() {
         "viewpoint f.npy --out a.mp4",
         "depth f.npy --out a.png",
         "view f.npy --out a.jpg",
+        "simulate --out a.png",
+        "demo --out a.html",
+        "gen-pairs p.png --out a.npz",
+        "extract s1/capture.lfp --out a.tar",
+        "ablate --out a.html",
+        "calibrate s1/white-00.lfp --out a.png",
+        "train-dict p.png --out a.npy",
     ] {
         let answer = bench.run(line);
         assert_eq!(answer.code, Some(2), "{line}: {}", answer.err);

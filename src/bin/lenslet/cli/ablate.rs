@@ -7,7 +7,7 @@ use crate::ablation::{self, Experiment, Record, Settings, compare, orderings, pa
 use lenslet_core::output::{self, Kind};
 use serde_json::json;
 
-use super::written::check_output;
+use super::written::{check_folder_name, check_output};
 use super::{Context, Outcome, Usage};
 
 /// Run the paper's experiments: tables, pictures and a report
@@ -88,6 +88,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         return Err(Usage("nothing to run: peers need --peer and --truth".into()).into());
     }
     // Before the work rather than after it.
+    check_folder_name(&args.out)?;
     if let Some(path) = &args.results {
         let mut inputs: Vec<&Path> =
             args.whites.iter().chain(&args.captures).chain(&args.photos).map(PathBuf::as_path).collect();

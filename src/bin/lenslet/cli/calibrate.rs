@@ -11,7 +11,7 @@ use lenslet_core::output::{self, Kind};
 use lenslet_core::progress::{Observer, Silent};
 use serde_json::{Value, json};
 
-use super::written::check_output;
+use super::written::{check_file_name, check_output};
 use super::{Context, Outcome};
 use crate::report::calibration_figures;
 
@@ -71,6 +71,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let whites = args.from_captures.is_empty();
     let given = if whites { &args.whites } else { &args.from_captures };
     let inputs: Vec<&Path> = given.iter().chain(&args.black).map(PathBuf::as_path).collect();
+    check_file_name(&args.out, &["calib"])?;
     for path in pictures.iter().chain([&args.out]) {
         check_output(path, Kind::File, args.force, &inputs)?;
     }

@@ -56,6 +56,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if !(128..=2160).contains(&args.size) {
         return Err(Usage(format!("--size must lie in 128..=2160, not {}", args.size)).into());
     }
+    super::written::check_folder_name(&args.out)?;
     let pending = Pending::directory(&args.out, args.force)?;
     let root = pending.path().to_path_buf();
     let observer = &context.progress;

@@ -8,7 +8,7 @@ use lenslet_core::progress::Observer;
 use serde_json::json;
 
 use super::info::clean;
-use super::written::check_output;
+use super::written::{check_folder_name, check_output};
 use super::{Context, Outcome};
 
 /// Take out everything a container, calibration bundle (data.C.n) or .tar archive holds
@@ -30,6 +30,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
+    check_folder_name(&args.out)?;
     check_output(&args.out, Kind::Directory, args.force, &[&args.file])?;
     let (files, warnings) = extract::extract(&args.file, &args.out, args.force, &context.progress)?;
     for warning in &warnings {

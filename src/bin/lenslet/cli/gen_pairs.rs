@@ -11,7 +11,7 @@ use lenslet_data_gen::photo::PhotoSet;
 use serde_json::json;
 
 use super::values::FootprintName;
-use super::written::check_output;
+use super::written::{check_folder_name, check_output};
 use super::{Context, Outcome, Usage};
 
 /// Cut training pairs out of photos
@@ -72,6 +72,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         return Err(Usage("--pairs up to 10000000, --crops 1 to 10000, --crop 32 to 4096".into()).into());
     }
     let inputs: Vec<&Path> = args.photos.iter().map(PathBuf::as_path).collect();
+    check_folder_name(&args.out)?;
     check_output(&args.out, Kind::Directory, args.force, &inputs)?;
     let footprint = Footprint::from(args.footprint);
     let degradation = Degradation { footprint, noise: args.noise, ..Degradation::default() };

@@ -9,7 +9,7 @@ use lenslet_data_gen::simulate::{
 };
 use serde_json::json;
 
-use super::written::check_output;
+use super::written::{check_folder_name, check_output};
 use super::{Context, Outcome, Usage};
 
 /// Simulate a capture of a lenslet camera, with white images and the truth
@@ -150,6 +150,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     // Everything that can be refused is refused before the long work begins.
     camera.check().and_then(|()| options.check()).and_then(|()| truth.check()).map_err(usage_or_failure)?;
     let inputs: Vec<&Path> = args.photo.iter().map(PathBuf::as_path).collect();
+    check_folder_name(&args.out)?;
     check_output(&args.out, Kind::Directory, args.force, &inputs)?;
     let observer = &context.progress;
     let scene = if args.photo.is_empty() {

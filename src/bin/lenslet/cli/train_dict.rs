@@ -12,7 +12,7 @@ use lenslet_train::{Algorithm, Coupling, KsvdUpdate, Parameters, train_dictionar
 use serde_json::json;
 
 use super::values::{AlgorithmName, FootprintName, KsvdUpdateName, TrainingBase};
-use super::written::check_output;
+use super::written::{check_file_name, check_output};
 use super::{Context, Outcome, Usage, train_report};
 
 /// Longest file of parameters that is read, bytes.
@@ -201,6 +201,7 @@ impl EpochLog<'_> {
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
+    check_file_name(&args.out, &["lfd", "safetensors"])?;
     let parameters = parameters(args)?;
     let beside = |ending: &str| {
         let mut name = args.out.clone().into_os_string();

@@ -93,53 +93,65 @@ fn is_an_ending(path: &Path) -> bool {
         && ending.chars().any(|c| c.is_ascii_alphabetic())
 }
 
+/// Endings of files that this or other programs write.
+const FILES: [&str; 37] = [
+    "png",
+    "jpg",
+    "jpeg",
+    "tif",
+    "tiff",
+    "bmp",
+    "gif",
+    "apng",
+    "webp",
+    "pgm",
+    "ppm",
+    "pfm",
+    "exr",
+    "npy",
+    "npz",
+    "mat",
+    "csv",
+    "json",
+    "jsonl",
+    "txt",
+    "md",
+    "html",
+    "htm",
+    "pdf",
+    "zip",
+    "tar",
+    "gz",
+    "lfp",
+    "lfr",
+    "raw",
+    "calib",
+    "lfd",
+    "safetensors",
+    "ply",
+    "toml",
+    "mp4",
+    "h5",
+];
+
 /// Refuses a folder that is named as a file.
 pub fn check_folder_name(out: &Path) -> Result<(), Usage> {
-    const FILES: [&str; 37] = [
-        "png",
-        "jpg",
-        "jpeg",
-        "tif",
-        "tiff",
-        "bmp",
-        "gif",
-        "apng",
-        "webp",
-        "pgm",
-        "ppm",
-        "pfm",
-        "exr",
-        "npy",
-        "npz",
-        "mat",
-        "csv",
-        "json",
-        "jsonl",
-        "txt",
-        "md",
-        "html",
-        "htm",
-        "pdf",
-        "zip",
-        "tar",
-        "gz",
-        "lfp",
-        "lfr",
-        "raw",
-        "calib",
-        "lfd",
-        "safetensors",
-        "ply",
-        "toml",
-        "mp4",
-        "h5",
-    ];
     let ending = ending_of(out);
     if FILES.contains(&ending.as_str()) {
         let name = out.display();
         return Err(Usage(format!("{name}: a folder is written here; give a name without the ending .{ending}")));
     }
     Ok(())
+}
+
+/// Refuses a file whose name ends as those of another kind do; `endings` are its own.
+pub fn check_file_name(out: &Path, endings: &[&str]) -> Result<(), Usage> {
+    let ending = ending_of(out);
+    if endings.contains(&ending.as_str()) || !FILES.contains(&ending.as_str()) {
+        return Ok(());
+    }
+    let name = out.display();
+    Err(Usage(format!("{name}: .{ending} is not written here, but .{}", endings.join(" or ."))))
 }
 
 /// Refuses names that are no picture (where `one` is possible), animation or folder.
