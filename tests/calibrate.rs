@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use assert_cmd::Command;
-use fixtures::{f01_capture, shared};
+use fixtures::{f01_capture, real};
 use lenslet_core::calibration;
 use lenslet_core::container::{Capture, write_lfp};
 use lenslet_data_gen::simulate::{Camera, LensletGrid, Lenslets, expose_white, record_mosaic, white_pattern};
@@ -299,7 +299,7 @@ fn wrong_input_ends_in_one_line_and_leaves_nothing() {
 #[test]
 fn a_real_camera_has_the_lattice_it_has() {
     let dir = tempfile::tempdir().unwrap();
-    let Some(white) = shared("f01/pseudo_white_8bit.png") else { return };
+    let Some(white) = lenslet_test_support::data("f01/pseudo_white_8bit.png") else { return };
     let out = dir.path().join("f01.calib");
     let said = json(&["calibrate", "-q", "--json", text(&white), "--out", text(&out)]);
     let of = |name: &str| said[name].as_f64().unwrap();
@@ -311,11 +311,7 @@ fn a_real_camera_has_the_lattice_it_has() {
 #[test]
 fn a_real_white_image_has_its_centres_where_they_were_labelled() {
     let dir = tempfile::tempdir().unwrap();
-    let (Some(white), Some(labels)) =
-        (shared("f01/f01_white_crop_161x161.png"), shared("f01/f01_white_crop_centres.csv"))
-    else {
-        return;
-    };
+    let (white, labels) = (real("f01-white-crop/white.png"), real("f01-white-crop/centres.csv"));
     let out = dir.path().join("crop.calib");
     json(&["calibrate", "-q", "--json", text(&white), "--out", text(&out)]);
     let found = calibration::load(&out).unwrap();
@@ -332,5 +328,5 @@ fn a_real_white_image_has_its_centres_where_they_were_labelled() {
         n += 1.0;
     }
     let rms = f64::sqrt(sum / n);
-    assert!(n > 250.0 && rms < 0.3, "{rms} over {n}");
+    assert!(n == 288.0 && rms < 0.3, "{rms} over {n}");
 }

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use assert_cmd::Command;
-use fixtures::{container, f01_capture, shared};
+use fixtures::{container, f01_capture};
 use lenslet_core::container::packing::{Packing, pack};
 use lenslet_core::container::segments::sha1_of;
 use lenslet_core::container::{Capture, MlaHint, RawMosaic, open_capture, write_lfp};
@@ -290,7 +290,7 @@ fn decode_finds_the_white_image_of_a_capture_in_a_bundle() {
 
 #[test]
 fn lytros_own_renderings_are_listed_and_extracted() {
-    let Some(lfp) = shared("lfp") else { return };
+    let Some(lfp) = lenslet_test_support::data("lfp") else { return };
     let json = info(&lfp.join("IMG_0001-stk.lfp"));
     assert_eq!(json["segments"].as_array().unwrap().len(), 14);
     assert_eq!((json["image_present"].as_bool(), json["missing"].as_array().unwrap().len()), (Some(false), 3));

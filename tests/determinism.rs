@@ -60,6 +60,31 @@ fn pairs_and_training() {
     }
 }
 
+/// Views refined by all others, and what follows them: the network, LASSO codes, a dictionary of their own.
+#[test]
+fn refined_views() {
+    let world = World::new();
+    let decode = ["decode", "shots/1.lfp", "-c", "cam.calib", "--out", "out/a", "--size", "60", "--views", "5"];
+    let learned = [&decode[..], &["--method", "learned", "--base", "multiview"]].concat();
+    for path in [&[][..], &["--path", "network"], &["--path", "lasso"], &["--best"]] {
+        same(&world, &[&learned[..], path].concat());
+    }
+    let field = ["decode", "shots/1.lfp", "-c", "cam.calib", "--out", "lf", "--size", "60", "--views", "5"];
+    let done = world.run(&[&field[..], &["--method", "multiview"]].concat());
+    assert!(done.status.success(), "{}", said(&done));
+    same(&world, &["infer", "lf", "--out", "out/a", "--path", "network"]);
+    same(&world, &["refine", "lf", "--out", "out/a", "--scale", "2"]);
+    same(&world, &["refine", "field.npy", "--out", "out/a.npy", "--scale", "2"]);
+    same(&world, &["depth", "lf", "--out", "out/a"]);
+    same(&world, &["depth", "field.npy", "--out", "out/a"]);
+    // Photos go through the simulated camera here; a network beside the dictionary.
+    let parameters = r#"{"base":"multiview","atoms":16,"features":12,"epochs":1,"refine":1,"coupling":"low","pairs":600,
+        "crop":60,"crops":1,"patch":7,"window":7,"anchors":8,"neighbours":100,"held_out":0,
+        "network":{"features":[20],"window":7,"hidden":[12],"pairs":400,"batch":64,"epochs":1}}"#;
+    fs::write(world.at("refined.json"), parameters).unwrap();
+    same(&world, &["train-dict", "photos", "--parameters", "refined.json", "--out", "out/a.lfd"]);
+}
+
 #[test]
 fn reconstruction() {
     let world = World::new();

@@ -1,6 +1,9 @@
 //! Ctrl-C and kill at random moments: nothing half-written under its final name, and what goes on afterwards ends as if it had
 //! never been stopped. Each command is stopped LENSLET_INTERRUPTIONS times (three times, an ablation once, unless
 //! told otherwise) by either signal.
+//!
+//! A moment is a number of changes in the folder of outputs, not a time: a fast machine and a busy one are stopped in the
+//! same places. A run that ends before its moment is checked like any other that ends, and the next moment is earlier.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it did
 
@@ -11,7 +14,6 @@ use std::fs;
 use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
 
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -56,17 +58,21 @@ impl Work<'_> {
     /// Stops runs until each signal has hit `times` of them.
     fn torment(&self, seed: u64) {
         let out = self.world.at("out");
-        let begun = Instant::now();
-        let whole = self.start().output().unwrap();
+        let mut child = self.start().spawn().unwrap();
+        let usual = tiny::watch(&mut child, &out, usize::MAX);
+        let whole = child.wait_with_output().unwrap();
         assert!(whole.status.success(), "{}", said(&whole));
-        let usual = begun.elapsed();
         let truth = (self.result)(&out);
         assert!(!truth.is_empty());
         fs::remove_dir_all(&out).unwrap();
 
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let (mut stopped, mut finished, mut late, mut before, mut row) = ([0, 0], 0, 0, 0, 0);
-        loop {
+        let mut latest = usual;
+        // Each stop takes a run; each run that ends early halves the moments, down to the start, which none misses.
+        let bound = 2 * self.times * (2 + usual.max(1).ilog2() as usize) + IN_A_ROW + 2;
+        for attempt in 0.. {
+            assert!(attempt < 2 * bound, "{attempt} runs: {stopped:?} stops, {finished} ends");
             let enough = stopped.iter().all(|&n| n >= self.times);
             if enough && finished > 0 {
                 break;
@@ -75,14 +81,8 @@ impl Work<'_> {
             let before_it = unfinished(self.world.folder.path());
             let mut child = self.start().spawn().unwrap();
             if row < IN_A_ROW && !enough {
-                let moment = Instant::now() + rng.random_range(Duration::ZERO..usual);
-                while Instant::now() < moment && child.try_wait().unwrap().is_none() {
-                    std::thread::sleep(Duration::from_millis(1));
-                }
-                if child.try_wait().unwrap().is_none() {
-                    let sent = Command::new("kill").arg(format!("-{signal}")).arg(child.id().to_string()).status();
-                    assert!(sent.unwrap().success());
-                }
+                tiny::watch(&mut child, &out, rng.random_range(0..=latest));
+                tiny::signal(&child, &signal.to_string());
             }
             let output = child.wait_with_output().unwrap();
             let (code, by) = (output.status.code(), output.status.signal());
@@ -90,11 +90,12 @@ impl Work<'_> {
                 assert_eq!((self.result)(&out), truth, "{:?} after {row} stops", self.arguments);
                 assert_eq!(unfinished(self.world.folder.path()), Vec::<std::path::PathBuf>::new());
                 fs::remove_dir_all(&out).unwrap();
-                (finished, row) = (finished + 1, 0);
+                (finished, row, latest) = (finished + 1, 0, latest / 2);
                 continue;
             }
             self.nothing_half(&truth);
             row += 1;
+            latest = usual;
             stopped[usize::from(signal == SIGKILL)] += 1;
             // A program that has not yet said what it does on Ctrl-C dies of it, having done nothing.
             if signal == SIGINT && by == Some(SIGINT) {
@@ -156,13 +157,17 @@ fn training_goes_on_from_its_checkpoint() {
     }
     .torment(1);
     // As between the dictionary and the end: its checkpoint is still there, and its pictures are not.
-    let mut child = world.command(&first).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-    while !world.at("out/a.lfd.checkpoint").exists() && child.try_wait().unwrap().is_none() {
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    child.kill().unwrap();
-    child.wait().unwrap();
-    let checkpoint = fs::read(world.at("out/a.lfd.checkpoint")).unwrap();
+    let checkpoint = (0..tiny::ATTEMPTS).find_map(|_| {
+        let _ = fs::remove_dir_all(world.at("out"));
+        let mut child = world.command(&first).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        while !world.at("out/a.lfd.checkpoint").exists() && child.try_wait().unwrap().is_none() {
+            std::thread::yield_now();
+        }
+        let _ = child.kill();
+        child.wait().unwrap();
+        fs::read(world.at("out/a.lfd.checkpoint")).ok()
+    });
+    let checkpoint = checkpoint.expect("every run ended before it could be stopped at a checkpoint");
     assert!(world.run(&more).status.success());
     let truth = hashes(&world.at("out/a.lfd"));
     fs::write(world.at("out/a.lfd.checkpoint"), checkpoint).unwrap();
@@ -218,18 +223,25 @@ fn what_is_replaced_stands_until_the_new_one_does() {
     let world = World::new();
     let work =
         ["infer", "field.npy", "--dictionary", "small.lfd", "--scale", "3", "--fast", "--force", "--out", "out/a"];
-    let begun = Instant::now();
-    assert!(world.run(&work).status.success());
-    let usual = begun.elapsed();
+    let start = || world.command(&work).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let mut child = start();
+    let usual = tiny::watch(&mut child, &world.at("out"), usize::MAX);
+    assert!(child.wait().unwrap().success());
     let truth = hashes(&world.at("out"));
     let mut rng = ChaCha8Rng::seed_from_u64(6);
     let mut stopped = 0;
-    for _ in 0..times(3) {
-        let mut child = world.command(&work).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-        // Late, where the one takes the place of the other.
-        std::thread::sleep(usual.mul_f64(rng.random_range(0.6..1.1)));
+    let mut late = usual;
+    for attempt in 0.. {
+        if stopped >= times(3) {
+            break;
+        }
+        assert!(attempt < times(3) * tiny::ATTEMPTS, "{stopped} stops in {attempt} runs");
+        let mut child = start();
+        // Late, where the one takes the place of the other; a run that is missed moves the next moment forward.
+        tiny::watch(&mut child, &world.at("out"), rng.random_range(late / 2..=late));
         let _ = child.kill();
-        stopped += usize::from(!child.wait().unwrap().success());
+        let hit = !child.wait().unwrap().success();
+        (stopped, late) = if hit { (stopped + 1, usual) } else { (stopped, late / 2) };
         let now: BTreeMap<_, _> =
             hashes(&world.at("out")).into_iter().filter(|(name, _)| !name.contains(tiny::MARK)).collect();
         assert_eq!(now, truth);

@@ -271,7 +271,9 @@ fn impossible_samples_are_refused() {
     assert!(refined(&good, options).is_err());
     let mut strange = good.clone();
     strange.values.fill(f32::NAN);
-    let _ = refined(&strange, Options::default()).and_then(|views| views.render_view(2, 2));
+    // Samples that are no numbers make no picture.
+    let picture = refined(&strange, Options::default()).and_then(|views| views.render_view(2, 2));
+    assert!(picture.is_err(), "{:?}", picture.map(|p| p.iter().filter(|v| v.is_finite()).count()));
     assert!(hidden_score::<lenslet_views::Error>(&good, &TARGET, 0.9, 1, (2, 2), &mut |_| unreachable!()).is_err());
     assert!(hidden_score::<lenslet_views::Error>(&good, &TARGET, 0.1, 1, (9, 2), &mut |_| unreachable!()).is_err());
 }

@@ -9,12 +9,13 @@ mod fixtures;
 use std::fs;
 use std::path::Path;
 
-use fixtures::shared;
+use fixtures::real;
 use lenslet_core::container::packing::{Packing, pack};
 use lenslet_core::container::segments::Container;
 use lenslet_core::container::{
     self, CameraFacts, Capture, Cfa, ColourFacts, Error, Levels, MlaHint, RawMosaic, open_capture, write_lfp,
 };
+use lenslet_test_support::data;
 
 /// A small capture with every fact filled in.
 fn sample(white: f32) -> Capture {
@@ -250,7 +251,7 @@ fn damage_is_a_warning_and_an_absent_image_an_error() {
 
 #[test]
 fn every_real_container_is_read_with_its_checksums() {
-    let Some(dir) = shared("lfp") else { return };
+    let Some(dir) = data("lfp") else { return };
     let mut seen = 0;
     for entry in fs::read_dir(dir).unwrap() {
         let path = entry.unwrap().path();
@@ -269,7 +270,7 @@ fn every_real_container_is_read_with_its_checksums() {
 
 #[test]
 fn real_metadata_gives_typed_facts() {
-    let Some(dir) = shared("metadata") else { return };
+    let dir = real("metadata");
     let read = |name: &str| {
         let value = container::json::parse(&fs::read(dir.join(name)).unwrap()).unwrap();
         let (frame, warnings) = container::metadata::read_frame(&value, None);
@@ -277,8 +278,8 @@ fn real_metadata_gives_typed_facts() {
         frame
     };
     for (name, pitch, rotation) in [
-        ("F01_IMG_0001_frame.imageio-binaries.json", 9.92757, 0.0019290975760668516),
-        ("F01_exiftool_Lytro_lfp.frame.json", 9.92758, -0.00028155732434242963791),
+        ("f01-frame-a.json", 9.92757, 0.0019290975760668516),
+        ("f01-frame-b.json", 9.92758, -0.00028155732434242963791),
     ] {
         let f = read(name);
         assert_eq!((f.size, f.packing, f.cfa), (Some((3280, 3280)), Some(Packing::Be12), Some(Cfa::Bggr)));
@@ -289,13 +290,13 @@ fn real_metadata_gives_typed_facts() {
         assert_eq!(f.camera.model.as_deref(), Some("F01"));
         assert!(f.ccm.unwrap()[0] > 3.1 && f.gamma.is_some() && f.camera.exposure_bias.unwrap() < -1.0);
     }
-    let f = read("ILLUM_B01_white_MOD.imageio-binaries.TXT.json");
+    let f = read("illum-white.json");
     assert_eq!((f.size, f.packing, f.cfa), (Some((7728, 5368)), Some(Packing::Le10), Some(Cfa::Grbg)));
     assert_eq!(f.camera.serial.as_deref(), Some("B5143909630"));
     assert_eq!(f.camera.normalized_response, Some([0.776_166_3, 1.0, 1.0, 0.734_497_67]));
     assert_eq!((f.is_white, f.is_dark, f.camera.focus_step), (Some(true), Some(false), Some(-300)));
     assert!((f.mla.unwrap().pitch - 14.2857).abs() < 1e-3);
-    let f = read("ILLUM_toy_lfr.LightFieldLab.json");
+    let f = read("illum-frame.json");
     assert_eq!((f.size, f.packing, f.cfa), (Some((7728, 5368)), Some(Packing::Le10), Some(Cfa::Grbg)));
     assert_eq!(f.levels, Some(Levels { black: [66.0; 4], white: [1023.0; 4] }));
     assert_eq!(f.white_balance, Some([1.512_220_5, 1.0, 1.0, 1.188_954_8]));
@@ -305,7 +306,7 @@ fn real_metadata_gives_typed_facts() {
 
 #[test]
 fn real_mosaics_are_read() {
-    let Some(dir) = shared("f01") else { return };
+    let Some(dir) = data("f01") else { return };
     let capture = open_capture(&dir.join("IMG_4.jpg"), None).unwrap();
     assert_eq!((capture.mosaic.width, capture.mosaic.height), (3280, 3280));
     let mut values = capture.mosaic.data.clone();

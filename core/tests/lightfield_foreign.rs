@@ -13,18 +13,6 @@ fn reference(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/reference").join(name)
 }
 
-/// The folder of real light fields, if this machine has it.
-fn shared() -> Option<PathBuf> {
-    let root = std::env::var_os("LENSLET_SHARED").map(PathBuf::from);
-    let root = root.unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared"));
-    let folder = root.join("data/lightfields");
-    if !folder.exists() {
-        eprintln!("{} is absent: real light fields not read", folder.display());
-        return None;
-    }
-    Some(folder)
-}
-
 fn read(path: &Path) -> Result<LightField, Error> {
     load(path, &ReadOptions::default())
 }
@@ -211,7 +199,7 @@ fn folders_of_numbered_pictures() {
 
 #[test]
 fn real_light_fields() {
-    let Some(folder) = shared() else { return };
+    let Some(folder) = lenslet_test_support::data("lightfields") else { return };
     for (name, views, size) in [
         ("f01_jaramillo_IMG_0001", [10, 10], [256, 256]),
         ("kaist_checker_7x7", [7, 7], [328, 328]),

@@ -4,7 +4,7 @@
 #![allow(dead_code)] // every user of this file needs another part of it
 
 use std::io::{BufRead, BufReader, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
@@ -27,20 +27,11 @@ pub struct Browser {
     _profile: tempfile::TempDir,
 }
 
-fn program() -> Option<PathBuf> {
-    ["chromium", "chromium-browser", "google-chrome"]
-        .iter()
-        .map(|name| Path::new("/usr/bin").join(name))
-        .find(|path| path.exists())
-}
-
 impl Browser {
-    /// A browser without a window, drawing in software; says so and gives none where there is no Chromium.
+    /// A browser without a window, drawing in software; without Chromium the rest of the calling test is skipped.
+    #[track_caller]
     pub fn start() -> Option<Browser> {
-        let Some(program) = program() else {
-            eprintln!("no Chromium here: the page was only read, not run");
-            return None;
-        };
+        let program = lenslet_test_support::chromium()?;
         let profile = tempfile::tempdir().unwrap();
         // The pipe's ends are file 3 and 4 of the browser.
         let mut child = Command::new("/bin/sh")

@@ -5,9 +5,13 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Child, Command, Output};
 
 use sha2::{Digest, Sha256};
+
+/// Runs that a test starts at most to meet one in the middle of its work, which one or two do. A test that meets none
+/// says so.
+pub const ATTEMPTS: usize = 20;
 
 /// The marker of unfinished outputs' names.
 pub const MARK: &str = ".lenslet-tmp-";
@@ -69,6 +73,55 @@ impl World {
     pub fn run(&self, arguments: &[&str]) -> Output {
         self.command(arguments).output().unwrap()
     }
+}
+
+/// Sends a signal by name; whether the process was there to get it.
+pub fn signal(child: &Child, name: &str) -> bool {
+    let sent = Command::new("kill").arg(format!("-{name}")).arg(child.id().to_string()).output();
+    sent.unwrap().status.success()
+}
+
+/// Waits until a process that was told to stop stands still; false when it ended before.
+pub fn stands_still(child: &Child) -> bool {
+    loop {
+        let text = fs::read_to_string(format!("/proc/{}/stat", child.id())).unwrap_or_default();
+        match text.rsplit_once(") ").and_then(|(_, rest)| rest.chars().next()) {
+            Some('T') => return true,
+            Some('Z' | 'X') | None => return false,
+            Some(_) => std::thread::yield_now(),
+        }
+    }
+}
+
+/// How the files below a folder look from outside: names and lengths. Another look is another event.
+pub fn look(folder: &Path) -> Vec<(PathBuf, u64)> {
+    let mut out = Vec::new();
+    let Ok(entries) = fs::read_dir(folder) else { return out };
+    for entry in entries.flatten() {
+        let path = entry.path();
+        if path.is_dir() {
+            out.extend(look(&path));
+        } else {
+            out.push((path, entry.metadata().map_or(0, |m| m.len())));
+        }
+    }
+    out.sort();
+    out
+}
+
+/// Watches a folder while a process runs: comes back after `events` changes of what is in it, or when the process has
+/// ended; the number of changes seen.
+pub fn watch(child: &mut Child, folder: &Path, events: usize) -> usize {
+    let (mut seen, mut last) = (0, look(folder));
+    while seen < events && child.try_wait().unwrap().is_none() {
+        let now = look(folder);
+        if now != last {
+            (seen, last) = (seen + 1, now);
+        } else {
+            std::thread::sleep(std::time::Duration::from_micros(200));
+        }
+    }
+    seen
 }
 
 /// What it wrote to stderr.

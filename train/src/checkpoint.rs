@@ -184,6 +184,63 @@ pub fn load_checkpoint(path: &Path, key: &Key) -> Result<Checkpoint, Error> {
 mod tests {
     use super::*;
 
+    /// The key that a checkpoint was written with: the defaults of that time.
+    fn key_of(path: &Path) -> Key {
+        let bytes = std::fs::read(path).unwrap();
+        let mut npz = NpzReader::new(Cursor::new(&bytes[..bytes.len() - CHECKSUM])).unwrap();
+        let head: Array1<u8> = npz.by_name("head").unwrap();
+        serde_json::from_slice::<Head>(&head.to_vec()).unwrap().key
+    }
+
+    /// Checkpoints of the first layout, one of each stage, written once (`LENSLET_WRITE_GOLDEN=1`, never over a file):
+    /// a run that was begun then can go on now.
+    #[test]
+    fn earlier_checkpoints_are_read() {
+        let matrix = |k: usize, m: usize, by: f32| Array2::from_shape_fn((k, m), |(r, c)| by * (r * m + c) as f32);
+        let learn = OnlineState {
+            atoms: matrix(3, 4, 0.5),
+            a: matrix(3, 3, 2.0).mapv(f64::from),
+            b: matrix(3, 4, -0.25).mapv(f64::from),
+            batches: 5,
+        };
+        let refine = RefinementState {
+            low: matrix(3, 4, 0.125),
+            high: matrix(3, 9, 0.5),
+            low_moments: Adam { first: matrix(3, 4, 1.0), second: matrix(3, 4, 2.0) },
+            high_moments: Adam { first: matrix(3, 9, 3.0), second: matrix(3, 9, 4.0) },
+            steps: 17,
+        };
+        for (name, at, stage) in [
+            ("golden-1-learn.checkpoint", (0, 0), Stage::Learn(2, learn)),
+            ("golden-1-refine.checkpoint", (1, 0), Stage::Refine(6, refine)),
+        ] {
+            let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("reference").join(name);
+            if !path.exists() && std::env::var("LENSLET_WRITE_GOLDEN").is_ok_and(|v| v == "1") {
+                let key =
+                    Key { version: 1, parameters: Parameters { seed: 7, ..Parameters::default() }, photos: Vec::new() };
+                let stage = Some(stage.clone());
+                save_checkpoint(&path, &Checkpoint { key, done: None, at, stage, trace: vec![] }).unwrap();
+            }
+            let key = key_of(&path);
+            assert_eq!((key.version, key.parameters.seed, key.photos.len()), (1, 7, 0), "{name}");
+            let read = load_checkpoint(&path, &key).unwrap();
+            assert_eq!((read.at, read.trace.len()), (at, 0), "{name}");
+            match (read.stage.unwrap(), stage) {
+                (Stage::Learn(n, r), Stage::Learn(m, t)) => {
+                    assert_eq!((n, r.batches, r.atoms, r.a, r.b), (m, t.batches, t.atoms, t.a, t.b));
+                }
+                (Stage::Refine(n, r), Stage::Refine(m, t)) => {
+                    assert_eq!((n, r.steps, r.low, r.high), (m, t.steps, t.low, t.high));
+                    assert_eq!(r.low_moments.first, t.low_moments.first);
+                    assert_eq!(r.low_moments.second, t.low_moments.second);
+                    assert_eq!(r.high_moments.first, t.high_moments.first);
+                    assert_eq!(r.high_moments.second, t.high_moments.second);
+                }
+                _ => panic!("{name} holds another stage"),
+            }
+        }
+    }
+
     #[test]
     fn what_is_cut_off_or_changed_is_refused() {
         let folder = tempfile::tempdir().unwrap();

@@ -3,6 +3,7 @@
 #![allow(dead_code)] // every test file uses a part
 
 use std::fs;
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 
 use lenslet_core::calibration::{
@@ -94,10 +95,45 @@ pub fn peak() -> usize {
     line.split_whitespace().nth(1).and_then(|n| n.parse::<usize>().ok()).unwrap_or(0) / 1024
 }
 
-/// The bound this file's readers keep together (tests run side by side).
-pub fn bounded() {
-    println!("peak memory so far: {} MiB", peak());
-    assert!(peak() < 600, "{} MiB", peak());
+/// Runs a test's body in a process of its own, and asks that it needs less than `mib` MiB: what other tests take at the same
+/// time does not count. `test` is the test's path as the harness names it.
+pub fn alone(test: &str, mib: usize, body: impl FnOnce()) {
+    const ALONE: &str = "LENSLET_TEST_ALONE";
+    if std::env::var(ALONE).is_ok_and(|name| name == test) {
+        body();
+        println!("{test}: peak memory {} MiB", peak());
+        assert!(peak() < mib, "{} MiB", peak());
+        return;
+    }
+    let mut again = std::process::Command::new(std::env::current_exe().unwrap());
+    again.args(["--exact", test, "--include-ignored", "--nocapture", "--test-threads=1"]).env(ALONE, test);
+    let output = again.output().unwrap();
+    let said = [&output.stdout[..], &output.stderr].concat();
+    let said = String::from_utf8_lossy(&said);
+    assert!(output.status.success() && said.contains("1 passed"), "{said}");
+    println!("{said}");
+}
+
+/// A number that tells values apart, from what `Debug` says of them.
+pub fn told(value: &impl std::fmt::Debug) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    format!("{value:?}").hash(&mut hasher);
+    hasher.finish()
+}
+
+/// The same of numbers, by their bits.
+pub fn bits<'a>(values: impl IntoIterator<Item = &'a f32>) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    values.into_iter().for_each(|v| v.to_bits().hash(&mut hasher));
+    hasher.finish()
+}
+
+/// The same of a capture's pixels and of all that is needed to develop them.
+pub fn pixels(c: &Capture) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    c.mosaic.data.hash(&mut hasher);
+    (c.mosaic.width, c.mosaic.height, told(&(c.cfa, c.levels, &c.colour))).hash(&mut hasher);
+    hasher.finish()
 }
 
 /// A container of the capture of [`capture`].

@@ -66,7 +66,18 @@ mod tests {
         let mut image = SensorImage { width: 100, height: 100, data, limit: [1.0; 4] };
         stretch_contrast(&mut image);
         assert!(image.data[..90].iter().all(|&v| v == 0.0) && image.data[9910..].iter().all(|&v| v == 1.0));
-        assert!((image.data[5000] - 0.5).abs() < 0.01);
+        // A hundredth at each end and no more; between them a straight line.
+        assert!(image.data[110] > 0.0 && image.data[9889] < 1.0);
+        for (k, &v) in image.data.iter().enumerate().skip(110).take(9780) {
+            assert!((v - (k as f32 - 100.0) / 9800.0).abs() < 0.001, "{k}: {v}");
+        }
+        assert_eq!(image.limit, [f32::INFINITY; 4]);
+        // One far value does not decide the range.
+        let mut spike =
+            SensorImage { width: 100, height: 1, data: (0..100).map(|k| k as f32).collect(), limit: [1.0; 4] };
+        spike.data[99] = 10_000.0;
+        stretch_contrast(&mut spike);
+        assert!(spike.data[98] > 0.9, "{}", spike.data[98]);
         let mut flat = SensorImage { width: 2, height: 1, data: vec![0.4; 2], limit: [1.0; 4] };
         stretch_contrast(&mut flat);
         assert_eq!(flat.data, [0.4; 2]);
