@@ -147,7 +147,9 @@ fn a_dictionary_of_photos_beats_bicubic_and_no_dictionary() {
     let at = |name: &str| folder.path().join(name);
     std::fs::create_dir(at("photos")).unwrap();
     let truth = photo(folder.path(), 3);
-    [0, 1, 2, 4].map(|n| photo(&at("photos"), n));
+    for n in [0, 1, 2, 4] {
+        photo(&at("photos"), n);
+    }
     let parameters = at("parameters.json");
     std::fs::write(
         &parameters,

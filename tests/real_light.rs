@@ -78,7 +78,8 @@ fn a_white_image_decodes_to_flat_views() {
 fn real_views_are_enlarged_better_than_by_bicubic() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
-    let whole = load(&real("f01-jaramillo"));
+    // The first number of these names is the column, the reader takes it for the row.
+    let whole = load(&real("f01-jaramillo")).permuted_axes([1, 0, 2, 3, 4]);
     assert_eq!(whole.dim(), (5, 5, 112, 112, 3));
     let small = Array5::from_shape_fn((5, 5, 56, 56, 3), |(v, u, t, s, c)| {
         whole.slice(s![v, u, 2 * t..2 * t + 2, 2 * s..2 * s + 2, c]).mean().unwrap()
@@ -168,9 +169,11 @@ fn steps(samples: &HexSamples, plain: &Array3<f32>) {
         .collect();
     let [plain, cubic, refined, zeros, learned] = measured[..] else { unreachable!() };
     assert!(plain.2 > 45.0, "the program's view and the library's: {plain:?}");
-    assert!(cubic.0 > plain.0 && refined.0 > cubic.0 + 0.3, "{measured:?}");
-    assert!(learned.0 > zeros.0, "{measured:?}");
-    assert!(learned.1 > 1.02 && refined.1 > 1.02, "sharper than what they start from: {measured:?}");
+    // Half of what sound steps give: 1.2 and 3.5 dB.
+    assert!(cubic.0 > plain.0 + 0.6 && refined.0 > cubic.0 + 1.7, "{measured:?}");
+    // Hidden lenslets say nothing of a single view's detail; its edges do, against the same run with every code at zero.
+    assert!(learned.1 > zeros.1 + 0.025 && refined.1 > 1.1, "{measured:?}");
+    assert!(learned.0 > plain.0 - 0.2, "{measured:?}");
     assert!([cubic, refined, zeros, learned].iter().all(|m| m.2 > 25.0), "the same scene: {measured:?}");
 }
 

@@ -33,22 +33,18 @@ fn big() -> usize {
 /// What of a file was read, a number a part: equal parts have equal numbers. Nothing where it was refused.
 type Read = Box<dyn Fn(&[u8]) -> Option<Vec<u64>>>;
 
+/// Files that a checksum guards: what is read of a damaged one is what was written.
+const SEALED: [&str; 5] = ["mosaic .png", "calibration", "lenslet picture", "samples", "dictionary"];
+
 /// A file and what reads it.
 struct Reader {
     name: &'static str,
     bytes: Vec<u8>,
     /// A value that does not keep its promises, or an error without words, panics.
     read: Read,
-    /// Whether a checksum guards all of it that is read: then what is read of a damaged file is what was written.
-    sealed: bool,
 }
 
 impl Reader {
-    /// Marks a file that a checksum guards.
-    fn sealed(self) -> Reader {
-        Reader { sealed: true, ..self }
-    }
-
     /// Reads the file as it was written.
     fn whole(&self) -> Vec<u64> {
         (self.read)(&self.bytes).unwrap_or_else(|| panic!("{} is not sound to begin with", self.name))
@@ -61,7 +57,7 @@ fn reader<E: std::fmt::Display>(
     read: impl Fn(&[u8]) -> Result<Vec<u64>, E> + 'static,
 ) -> Reader {
     let read = move |bytes: &[u8]| read(bytes).map_err(line).ok();
-    Reader { name, bytes, read: Box::new(read), sealed: false }
+    Reader { name, bytes, read: Box::new(read) }
 }
 
 /// Pixels, then those of the white image.
@@ -176,7 +172,7 @@ fn readers(side: usize) -> Vec<Reader> {
         })
     };
     let tensors = dictionary::Format::Safetensors.to_bytes(&dictionary::from_bytes(&file, "a").unwrap()).unwrap();
-    all.push(reader("dictionary", file, read).sealed());
+    all.push(reader("dictionary", file, read));
     all.push(reader("dictionary of tensors", without_checksum(&tensors), read));
     all
 }
@@ -260,7 +256,7 @@ fn sizes_up_to_two_to_the_63rd_and_numbers_that_are_none() {
                 Some(_) => other += 1,
             });
             println!("{name}: {refused} refused, {harmless} harmless, {other} read as another value");
-            assert!(refused > 0 && (other == 0 || !reader.sealed), "{name}: {refused}, {harmless}, {other}");
+            assert!(refused > 0 && (other == 0 || !SEALED.contains(&name)), "{name}: {refused}, {harmless}, {other}");
         }
         println!("{count} executions");
     });
@@ -325,9 +321,10 @@ fn large_files_cut_off_at_random_lengths() {
             for _ in 0..CUTS {
                 let length = rng.random_range(0..bytes.len());
                 if let Some(read) = (reader.read)(&bytes[..length]) {
-                    // A white image or a mark at the end may be missing; what is read was written.
+                    // A white image or a mark at the end may be missing; what is read was written. A profile is a text
+                    // without an end: names may be cut off its list.
                     assert!(
-                        whole.starts_with(&read),
+                        name == "profile" || whole.starts_with(&read),
                         "{name} cut off at {length} of {} bytes is another one",
                         bytes.len()
                     );

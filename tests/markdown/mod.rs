@@ -14,6 +14,8 @@ pub struct Code {
     pub line: usize,
     pub text: String,
     pub fenced: bool,
+    /// In a block of the language `sh`.
+    pub shell: bool,
 }
 
 /// A table: its first line, what `<!-- measured: … -->` above it says, its rows of cells.
@@ -48,13 +50,19 @@ impl Document {
 
     /// Its lines, numbered from 1, with whether they are inside a fenced block (fences are not told).
     fn lines(&self) -> Vec<(usize, &str, bool)> {
-        let mut fenced = false;
+        self.lines_with_language().into_iter().map(|(n, line, fenced, _)| (n, line, fenced)).collect()
+    }
+
+    /// The same with the language of the block.
+    fn lines_with_language(&self) -> Vec<(usize, &str, bool, &str)> {
+        let (mut fenced, mut language) = (false, "");
         let mut out = Vec::new();
         for (n, line) in self.text.lines().enumerate() {
-            if line.trim_start().starts_with("```") {
+            if let Some(tag) = line.trim_start().strip_prefix("```") {
                 fenced = !fenced;
+                language = if fenced { tag.trim() } else { "" };
             } else {
-                out.push((n + 1, line, fenced));
+                out.push((n + 1, line, fenced, language));
             }
         }
         out
@@ -66,14 +74,15 @@ impl Document {
         let mut out: Vec<Code> = Vec::new();
         let mut open: Option<Code> = None;
         let mut joined = false;
-        for (line, text, fenced) in self.lines() {
+        for (line, text, fenced, language) in self.lines_with_language() {
+            let shell = language == "sh";
             if fenced {
                 open = None;
                 let text = text.split(" #").next().unwrap_or_default().trim();
                 let (text, goes_on) = text.strip_suffix('\\').map_or((text, false), |t| (t, true));
                 match out.last_mut().filter(|_| joined) {
                     Some(last) => last.text.push_str(&format!(" {text}")),
-                    None => out.push(Code { line, text: text.to_owned(), fenced }),
+                    None => out.push(Code { line, text: text.to_owned(), fenced, shell }),
                 }
                 joined = goes_on;
                 continue;
@@ -88,7 +97,7 @@ impl Document {
             for c in text.chars() {
                 match (&mut open, c) {
                     (Some(_), '`') => out.extend(open.take()),
-                    (None, '`') => open = Some(Code { line, text: String::new(), fenced }),
+                    (None, '`') => open = Some(Code { line, text: String::new(), fenced, shell }),
                     (Some(code), c) => code.text.push(c),
                     (None, _) => {}
                 }

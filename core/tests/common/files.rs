@@ -132,7 +132,7 @@ pub fn bits<'a>(values: impl IntoIterator<Item = &'a f32>) -> u64 {
 pub fn pixels(c: &Capture) -> u64 {
     let mut hasher = DefaultHasher::new();
     c.mosaic.data.hash(&mut hasher);
-    (c.mosaic.width, c.mosaic.height, told(&(c.cfa, c.levels, &c.colour))).hash(&mut hasher);
+    (c.mosaic.width, c.mosaic.height, told(&(c.cfa, &c.levels, &c.colour))).hash(&mut hasher);
     hasher.finish()
 }
 
