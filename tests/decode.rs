@@ -111,7 +111,7 @@ fn one_file_formats_and_native_size_and_threads() {
     assert!(done.status.success(), "{}", said(&done));
     let field = lightfield::load(&out, &ReadOptions::default()).unwrap();
     assert_eq!(field.data.dim(), (7, 7, 12, 12, 3));
-    assert!(HexSamples::load(&dir.path().join("lf.samples.npz")).is_ok());
+    assert!(HexSamples::load(&dir.path().join("lf.npy.samples.npz")).is_ok());
     let other = dir.path().join("other.npy");
     let done = decode!(lfp, "--calibration", calib, "--out", other, "--size", "native", "--npy", "--threads", "3");
     assert!(done.status.success(), "{}", said(&done));

@@ -169,7 +169,7 @@ pub fn learn_filters(
     if moments.dim() != (support * support, support * support) {
         return Err(Error::Parameter(format!("moments of shape {:?} for a window of {window}", moments.dim())));
     }
-    if features == 0 || features > support * support {
+    if features == 0 || features > operator.nrows() {
         return Err(Error::Parameter(format!("{features} features of a window of {window} pixels")));
     }
     let (components, kept) = components(&operator.dot(&moments).dot(&operator.t()), features)?;
