@@ -64,9 +64,9 @@ impl Companion {
         Ok(found)
     }
 
-    /// The views of the described light field.
-    pub(super) fn views(&self) -> [usize; 2] {
-        self.description.views
+    /// Views (rows, columns) and size (height, width) of the described light field.
+    pub(super) fn shape(&self) -> [[usize; 2]; 2] {
+        [self.description.views, self.description.size]
     }
 
     /// As [`Companion::of`], where the numbers are not looked at.

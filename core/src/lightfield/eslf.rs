@@ -63,7 +63,10 @@ pub(super) fn open(path: &Path, views: [usize; 2], options: &ReadOptions) -> Res
 /// Views (rows, columns) of a lenslet picture that this project wrote.
 pub(super) fn stated_views(path: &Path) -> Option<[usize; 2]> {
     let text = image_file::read_description(path)?;
-    Some(Companion::from_text(text.as_bytes()).ok()?.views())
+    let [[rows, columns], [height, width]] = Companion::from_text(text.as_bytes()).ok()?.shape();
+    // Cut or scaled by another program, it is a picture like any other.
+    let shape = image_file::read_shape_within(path, MAX_VALUES).ok()?;
+    (shape.height == rows * height && shape.width == columns * width).then_some([rows, columns])
 }
 
 /// Writes a lenslet picture, 16 bit; its pixels stay in memory until it is finished.
