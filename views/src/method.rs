@@ -5,6 +5,7 @@ use std::sync::Arc;
 use lenslet_core::dictionary::Dictionary;
 use lenslet_core::interpolation::Interpolation;
 
+use crate::multiview::Fit;
 use crate::reconstruct;
 
 /// How samples become views (paper section 4).
@@ -19,6 +20,8 @@ use crate::reconstruct;
 pub struct Method {
     /// How the samples are interpolated (sections 4.1 to 4.3).
     pub interpolation: Interpolation,
+    /// How multi-view samples become pixels; other interpolations do not look at it.
+    pub fit: Fit,
     /// Learned reconstruction of the interpolated views (section 4.4).
     pub learned: Option<Learned>,
 }
@@ -58,6 +61,13 @@ impl Method {
         Interpolation::Multiview.into()
     }
 
+    /// Multi-view samples put together by another fit: [`Fit::Triangulation`] is the paper's own.
+    #[must_use]
+    pub fn fitted_by(mut self, fit: Fit) -> Method {
+        self.fit = fit;
+        self
+    }
+
     /// Followed by learned reconstruction with the dictionary inside the program (section 4.4).
     #[must_use]
     pub fn learned(self) -> Method {
@@ -80,6 +90,6 @@ impl Method {
 
 impl From<Interpolation> for Method {
     fn from(interpolation: Interpolation) -> Method {
-        Method { interpolation, learned: None }
+        Method { interpolation, fit: Fit::default(), learned: None }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::error::Error;
 use super::options::{Options, WhiteBalance};
-use super::steps::ViewStep;
+use super::steps::{Demosaic, ViewStep};
 use crate::calibration::{Calibration, Lenslet};
 use crate::container::Capture;
 
@@ -70,6 +70,11 @@ fn check_options(options: &Options) -> Result<(), Error> {
     }
     if options.steps.view.iter().any(|s| matches!(s, ViewStep::Exposure(ev) if !(-32.0..=32.0).contains(ev))) {
         return Err(Error::Parameter("the exposure must be within 32 EV".into()));
+    }
+    if options.rotate_raw && options.steps.demosaic == Demosaic::CoKriging {
+        return Err(Error::Parameter(
+            "rotating the raw needs a demosaic of the whole raw: malvar or bilinear, not lenslet".into(),
+        ));
     }
     if let WhiteBalance::Gains(gains) = options.white_balance
         && !gains.iter().all(|&g| g > 0.0 && g < 1e3)

@@ -21,6 +21,7 @@ mod samples;
 mod samples_file;
 mod slice;
 mod steps;
+mod turn;
 mod view_stage;
 mod white_balance;
 

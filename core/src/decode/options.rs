@@ -25,6 +25,10 @@ pub struct Options {
     /// Move all views so that (0, 0) lies at the middle of the aperture as measured in the white image, which may
     /// differ from the calibration's centres. Default: yes.
     pub recentre: bool,
+    /// Rotate the demosaiced raw by the lattice's angle and resample it before views are cut, as printed in the paper's
+    /// Algorithm 1, instead of turning coordinates. Not for [`Demosaic::CoKriging`](super::Demosaic::CoKriging), which
+    /// has no demosaiced raw. Default: no.
+    pub rotate_raw: bool,
     /// The development steps. Default: [`Steps::default`]; [`steps_for`](super::steps_for) gives those of a capture.
     pub steps: Steps,
 }
@@ -36,6 +40,7 @@ impl Default for Options {
             view_step: 1.0,
             white_balance: WhiteBalance::Camera,
             recentre: true,
+            rotate_raw: false,
             steps: Steps::default(),
         }
     }

@@ -7,6 +7,7 @@ use super::options::Options;
 use super::raw_stage::develop_mosaic;
 use super::samples::HexSamples;
 use super::steps::{Demosaic, steps_for};
+use super::turn::Turn;
 use super::view_stage::apply_view_steps;
 use super::{aperture, check, cokriging, demosaic, slice};
 use crate::calibration::{Calibration, check_compatible};
@@ -41,13 +42,18 @@ pub fn sample_views(
         values: Array3::zeros((0, 0, 0)),
     };
     let cfa = capture.cfa;
+    let slice = |image: Array3<f32>| {
+        if !options.rotate_raw {
+            return slice::slice_views(&image, &samples, &|place| place, observer);
+        }
+        let turn = Turn::upright(calibration.lattice.rotation(), calibration.width, calibration.height);
+        slice::slice_views(&turn.apply(&image), &samples, &|place| turn.turned(place), observer)
+    };
     samples.values = match options.steps.demosaic {
         Demosaic::CoKriging => cokriging::sample_views(&mosaic, cfa, calibration, &samples, observer)?,
-        Demosaic::Bilinear | Demosaic::Malvar if cfa == Cfa::Mono => {
-            slice::slice_views(&demosaic::mono(&mosaic), &samples, observer)?
-        }
-        Demosaic::Bilinear => slice::slice_views(&demosaic::bilinear(&mosaic, cfa), &samples, observer)?,
-        Demosaic::Malvar => slice::slice_views(&demosaic::malvar(&mosaic, cfa), &samples, observer)?,
+        Demosaic::Bilinear | Demosaic::Malvar if cfa == Cfa::Mono => slice(demosaic::mono(&mosaic))?,
+        Demosaic::Bilinear => slice(demosaic::bilinear(&mosaic, cfa))?,
+        Demosaic::Malvar => slice(demosaic::malvar(&mosaic, cfa))?,
     };
     drop(mosaic);
     apply_view_steps(&mut samples, &options.steps.view, capture, calibration, observer)?;

@@ -9,6 +9,7 @@ use ndarray::{Array2, ArrayView2, Axis};
 use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
 
+use super::camera_lattice::CameraLattice;
 use super::error::Error;
 use crate::photo::{ReductionKernel, reduce_plane};
 
@@ -25,6 +26,9 @@ pub struct Degradation {
     pub base: Interpolation,
     /// Standard deviation of noise added to the samples, in units of the encoded range 0..1.
     pub noise: f32,
+    /// The lenslets of a calibrated camera instead of the regular lattice of `pitch` and `rotation`; every crop is
+    /// sampled by those of a window of its views. Default: none.
+    pub lattice: Option<CameraLattice>,
 }
 
 impl Default for Degradation {
@@ -35,6 +39,7 @@ impl Default for Degradation {
             footprint: Footprint::Lenslet,
             base: Interpolation::Barycentric,
             noise: 0.0,
+            lattice: None,
         }
     }
 }
@@ -70,7 +75,14 @@ pub fn degrade_plane(
         Footprint::Lenslet => sampling::Footprint::Disc(degradation.pitch),
         Footprint::Grid => return shrink_and_enlarge(high, degradation, rng),
     };
-    let (placed, mut values) = lattice_samples(image, degradation.pitch, degradation.rotation, phase, footprint)?;
+    let (placed, mut values) = match &degradation.lattice {
+        Some(lattice) => {
+            let placed = lattice.window(w, h, phase)?;
+            let values = sampling::sample_image(image, &placed.centres, footprint)?;
+            (placed, values)
+        }
+        None => lattice_samples(image, degradation.pitch, degradation.rotation, phase, footprint)?,
+    };
     if degradation.noise > 0.0 {
         values.mapv_inplace(|v| v + degradation.noise * standard_normal(rng) as f32);
     }
@@ -106,6 +118,42 @@ fn shrink_and_enlarge(
 mod tests {
     use super::*;
     use rand::SeedableRng;
+
+    #[test]
+    fn a_crop_is_sampled_by_the_calibrated_lenslets_of_its_window() {
+        use lenslet_core::calibration::{Calibration, Lattice, Lenslet};
+
+        // Every third lenslet is missing, and rows lie 5 % too far apart: no regular lattice gives the same values.
+        let lattice = Lattice::hexagonal(10.0, 0.0, 1.05, [300.0, 300.0]);
+        let points = lattice.points_within(lenslet_core::geometry::Size::new(600, 600), 0.0);
+        let places = points.index.iter().zip(&points.centres).filter(|(i, _)| (i[0] + i[1]).rem_euclid(3) != 0);
+        let calibration = Calibration {
+            width: 600,
+            height: 600,
+            lattice,
+            lenslets: places.map(|(&[i, j], &[x, y])| Lenslet { i, j, x, y, trust: 1.0 }).collect(),
+            vignetting: None,
+            hot_pixels: Vec::new(),
+            quality: Default::default(),
+            origin: Default::default(),
+        };
+        let lattice = CameraLattice::of_calibration(&calibration, 200).unwrap();
+        let degradation = Degradation {
+            footprint: Footprint::Point,
+            lattice: Some(lattice.clone()),
+            ..Degradation::default()
+        };
+        let high = Array2::from_shape_fn((80, 90), |(y, x)| ((x * 7 + y * 13) % 11) as f32 / 11.0);
+        let low = degrade_plane(high.view(), &degradation, &mut ChaCha8Rng::seed_from_u64(4)).unwrap();
+        let mut same = ChaCha8Rng::seed_from_u64(4);
+        let window = lattice.window(90, 80, [same.random(), same.random()]).unwrap();
+        let image = high.view().insert_axis(Axis(2));
+        let values = sampling::sample_image(image, &window.centres, sampling::Footprint::Bilinear).unwrap();
+        let plain = Weights::new(&window.centres, (90, 80), (90, 80)).unwrap().apply(values.view()).unwrap();
+        assert_eq!(low, plain.index_axis(Axis(2), 0));
+        let regular = Degradation { lattice: None, ..degradation };
+        assert_ne!(low, degrade_plane(high.view(), &regular, &mut ChaCha8Rng::seed_from_u64(4)).unwrap());
+    }
 
     #[test]
     fn noise_has_the_given_deviation() {

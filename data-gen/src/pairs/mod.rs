@@ -3,6 +3,7 @@
 //!
 //! Random streams are named by (seed, photo, crop): a crop is the same whatever else is made.
 
+mod camera_lattice;
 mod crop;
 mod degradation;
 mod error;
@@ -12,6 +13,7 @@ mod near_duplicates;
 mod options;
 mod write;
 
+pub use camera_lattice::CameraLattice;
 pub use crop::{Crop, CropOptions, cut_crops};
 pub use degradation::{Degradation, degrade_plane};
 pub use error::Error;

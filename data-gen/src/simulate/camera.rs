@@ -8,6 +8,7 @@ use lenslet_core::container::{CameraProfile, Cfa, ColourFacts};
 use serde::{Deserialize, Serialize};
 
 use super::error::Error;
+use super::imperfections::Imperfections;
 
 /// Radial light profile of a micro-image; r in half pitches.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -152,6 +153,9 @@ pub struct Camera {
     /// The metadata.
     #[serde(flatten)]
     pub identity: CameraIdentity,
+    /// What the ideal camera does not do; default none. Absent in JSON where there are none.
+    #[serde(default, skip_serializing_if = "Imperfections::is_ideal")]
+    pub imperfections: Imperfections,
 }
 
 impl Default for Camera {
@@ -162,6 +166,7 @@ impl Default for Camera {
             optics: Optics::default(),
             response: SensorResponse::default(),
             identity: CameraIdentity::default(),
+            imperfections: Imperfections::default(),
         }
     }
 }
@@ -205,6 +210,7 @@ impl Camera {
                 exposure_bias: -sensor.exposure_offset,
                 white_inside: profile.white_inside,
             },
+            imperfections: default.imperfections,
         }
     }
 
@@ -250,7 +256,25 @@ impl Camera {
         within("the offset", grid.offset[1], -1e4, 1e4)?;
         within("the jitter", grid.jitter, 0.0, 0.1 * grid.pitch)?;
         self.optics.check()?;
+        self.imperfections.check()?;
+        if self.identity.white_inside && self.imperfections.jpeg.is_some() {
+            return Err(Error::Parameter("a JPEG holds no white image, and this camera's captures do".to_owned()));
+        }
         self.response.check()
+    }
+
+    /// The middle of the sensor (x, y), pixel centres at integers.
+    #[inline]
+    pub fn middle(&self) -> [f64; 2] {
+        [(self.sensor.0 as f64 - 1.0) / 2.0, (self.sensor.1 as f64 - 1.0) / 2.0]
+    }
+
+    /// How much farther from the middle of the sensor micro-images lie than their lenslets, under a pupil shift in
+    /// pitches ([`Imperfections::pupil_shift`]).
+    #[inline]
+    pub fn pupil_scale(&self, shift: f64) -> f64 {
+        let [x, y] = self.middle();
+        1.0 + shift * self.lenslets.pitch / x.hypot(y)
     }
 
     /// Light at squared distance `d2` (pixels²) from a lenslet centre, as a share of that at the centre.

@@ -5,10 +5,13 @@ use lenslet_core::progress::Observer;
 
 use super::camera::Camera;
 use super::error::Error;
+use super::jpeg::save_as_jpeg;
 use super::lenslets::Lenslets;
+use super::micro_images::MicroImages;
 use super::options::SimulationOptions;
+use super::pixels::disturb_signal;
 use super::scene::Scene;
-use super::sensor::{expose_scene, expose_white, record_mosaic, white_pattern};
+use super::sensor::{expose_scene, expose_white, light_pattern, record_mosaic, white_pattern};
 
 /// A capture with its white images and its true lenslet centres.
 #[derive(Debug, Clone)]
@@ -17,8 +20,11 @@ pub struct Simulation {
     pub capture: Capture,
     /// White images of the same camera, without the one that the capture carries.
     pub whites: Vec<Capture>,
-    /// True lenslet centres (x, y) on the sensor, row by row.
+    /// True centres (x, y) of the capture's micro-images on the sensor, row by row: those of the lenslets, moved by
+    /// the pupil shift where there is one.
     pub centres: Vec<[f64; 2]>,
+    /// The file of a capture that was saved as JPEG.
+    pub jpeg: Option<Vec<u8>>,
 }
 
 /// Takes a capture of `scene` and the white images.
@@ -32,18 +38,23 @@ pub fn render_capture(
     observer: &dyn Observer,
 ) -> Result<Simulation, Error> {
     options.check()?;
+    camera.check()?;
     let lenslets = Lenslets::new(camera, options.seed)?;
-    let pattern = white_pattern(camera, &lenslets);
-    let signal = expose_scene(camera, &lenslets, scene, &pattern, observer)?;
+    let images = MicroImages::of_capture(camera, &lenslets);
+    let pattern = light_pattern(&images);
+    let signal = disturb_signal(expose_scene(&images, scene, &pattern, observer)?, camera);
     let mut capture = with_facts(camera, record_mosaic(&signal, camera, options.noise, options.seed, 0), false);
-    let white = expose_white(camera, &pattern);
+    let jpeg = camera.imperfections.jpeg.map(|quality| save_as_jpeg(&mut capture, quality)).transpose()?;
+    let other_zoom = camera.imperfections.white_shift != 0.0 || camera.imperfections.white_size != 1.0;
+    let pattern = if other_zoom { white_pattern(camera, &lenslets) } else { pattern };
+    let white = disturb_signal(expose_white(camera, &pattern), camera);
     let mut whites: Vec<Capture> = (0..options.whites)
         .map(|k| with_facts(camera, record_mosaic(&white, camera, options.noise, options.seed, k as u32 + 1), true))
         .collect();
     if camera.identity.white_inside && !whites.is_empty() {
         capture.white = Some(Box::new(whites.remove(0)));
     }
-    Ok(Simulation { capture, whites, centres: lenslets.centres_on_sensor() })
+    Ok(Simulation { capture, whites, centres: images.centres_on_sensor(), jpeg })
 }
 
 /// A mosaic with the facts a camera writes beside it.
@@ -78,7 +89,12 @@ fn with_facts(camera: &Camera, mosaic: RawMosaic, white: bool) -> Capture {
     }
 }
 
-/// What the capture's file is called: captures that carry their white image are called `.lfr`.
+/// What the capture's file is called: captures that carry their white image are called `.lfr`, those saved as JPEG
+/// `.jpg`.
 pub fn capture_name(camera: &Camera) -> &'static str {
-    if camera.identity.white_inside { "capture.lfr" } else { "capture.lfp" }
+    match (camera.identity.white_inside, camera.imperfections.jpeg) {
+        (true, _) => "capture.lfr",
+        (false, Some(_)) => "capture.jpg",
+        (false, None) => "capture.lfp",
+    }
 }

@@ -26,7 +26,13 @@ pub struct Lenslets {
     /// Table size (columns, rows).
     size: [usize; 2],
     centres: Vec<[f64; 2]>,
+    /// Each lenslet's blur over the camera's; empty where all are 1.
+    spots: Vec<f32>,
 }
+
+/// The lenslets' blur stays between these shares of the camera's.
+/// Source: chosen.
+const SPOTS: [f64; 2] = [0.5, 1.5];
 
 impl Lenslets {
     /// Places every lenslet that can reach the sensor. The errors depend on `seed` and the lenslet's indices only.
@@ -51,39 +57,65 @@ impl Lenslets {
         }
         let size = [(high[0] - low[0] + 1) as usize, (high[1] - low[1] + 1) as usize];
         let mut centres = Vec::with_capacity(size[0] * size[1]);
+        let mut spots = Vec::new();
+        let spread = camera.imperfections.focal_spot;
         for r in low[1]..=high[1] {
             for c in low[0]..=high[0] {
                 let along = (f64::from(c) + 0.5 * f64::from(r.rem_euclid(2))) * pitch;
                 let down = f64::from(r) * row;
-                let [ex, ey] = if grid.jitter > 0.0 { position_error(seed, c, r) } else { [0.0; 2] };
+                let [ex, ey] = if grid.jitter > 0.0 { two_normals(seed, c, r) } else { [0.0; 2] };
                 centres.push([
                     centre[0] + cos * along - sin * down + grid.jitter * ex,
                     centre[1] + sin * along + cos * down + grid.jitter * ey,
                 ]);
+                if spread > 0.0 {
+                    let [own, _] = two_normals(seed ^ SPOT_SALT, c, r);
+                    spots.push((1.0 + spread * own).clamp(SPOTS[0], SPOTS[1]) as f32);
+                }
             }
         }
-        Ok(Lenslets { centre, cos, sin, pitch, row, sensor: (w, h), first: low, size, centres })
+        Ok(Lenslets { centre, cos, sin, pitch, row, sensor: (w, h), first: low, size, centres, spots })
     }
 
     /// Centre of the lenslet nearest to (`x`, `y`), and the squared distance.
     #[inline]
     pub fn nearest(&self, x: f64, y: f64) -> ([f64; 2], f64) {
+        let (k, d2) = self.nearest_index(x, y);
+        (self.centres[k], d2)
+    }
+
+    /// [`Lenslets::nearest`], and the lenslet's optical blur over the camera's.
+    #[inline]
+    pub fn nearest_with_spot(&self, x: f64, y: f64) -> ([f64; 2], f64, f64) {
+        let (k, d2) = self.nearest_index(x, y);
+        (self.centres[k], d2, self.spots.get(k).map_or(1.0, |s| f64::from(*s)))
+    }
+
+    /// Index of the lenslet nearest to (`x`, `y`), and the squared distance.
+    #[inline]
+    fn nearest_index(&self, x: f64, y: f64) -> (usize, f64) {
         let (dx, dy) = (x - self.centre[0], y - self.centre[1]);
         let along = (self.cos * dx + self.sin * dy) / self.pitch;
         let down = (self.cos * dy - self.sin * dx) / self.row;
         let above = floor_i32(down);
-        let mut best = ([x, y], f64::INFINITY);
+        let mut best = (0, f64::INFINITY);
         for r in [above, above + 1] {
             let c = floor_i32(along - 0.5 * f64::from(r & 1) + 0.5);
             let column = (c - self.first[0]).clamp(0, self.size[0] as i32 - 1) as usize;
             let line = (r - self.first[1]).clamp(0, self.size[1] as i32 - 1) as usize;
-            let at = self.centres[line * self.size[0] + column];
+            let k = line * self.size[0] + column;
+            let at = self.centres[k];
             let d2 = (x - at[0]) * (x - at[0]) + (y - at[1]) * (y - at[1]);
             if d2 < best.1 {
-                best = (at, d2);
+                best = (k, d2);
             }
         }
         best
+    }
+
+    /// All centres, those beyond the sensor that reach it included, row by row.
+    pub(super) fn all_centres(&self) -> &[[f64; 2]] {
+        &self.centres
     }
 
     /// Centres (x, y) that lie on the sensor (0..=width−1, 0..=height−1), row by row.
@@ -93,8 +125,11 @@ impl Lenslets {
     }
 }
 
+/// What distinguishes the blur's numbers from the positions'.
+const SPOT_SALT: u64 = 0x7370_6f74_0000_0000;
+
 /// Two standard normal numbers that belong to lenslet (`c`, `r`).
-fn position_error(seed: u64, c: i32, r: i32) -> [f64; 2] {
+fn two_normals(seed: u64, c: i32, r: i32) -> [f64; 2] {
     let mut generator = ChaCha8Rng::seed_from_u64(seed ^ 0x6c65_6e73_6c65_7473);
     generator.set_stream((u64::from(c as u32) << 32) | u64::from(r as u32));
     standard_normal_pair(&mut generator)
@@ -145,6 +180,19 @@ mod tests {
         let stretch = (a[0] * b[1] - a[1] * b[0]) / (9.7 * 9.7 * 3f64.sqrt() / 2.0);
         assert!((stretch - 1.0005).abs() < 1e-9);
         assert!((o[0] - (99.5 + 2.37)).abs() < 1e-9 && (o[1] - (79.5 - 1.61)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn focal_spots_have_the_spread_asked_for_and_move_no_lenslet() {
+        let imperfections = crate::simulate::Imperfections { focal_spot: 0.15, ..Default::default() };
+        let varied = Lenslets::new(&Camera { imperfections, ..camera() }, 3).unwrap();
+        assert_eq!(varied.centres, Lenslets::new(&camera(), 3).unwrap().centres);
+        let n = varied.spots.len() as f64;
+        assert_eq!(varied.spots.len(), varied.centres.len());
+        let mean = varied.spots.iter().map(|s| f64::from(*s)).sum::<f64>() / n;
+        let spread = (varied.spots.iter().map(|s| (f64::from(*s) - mean).powi(2)).sum::<f64>() / n).sqrt();
+        assert!((mean - 1.0).abs() < 0.02 && (spread - 0.15).abs() < 0.015, "{mean} {spread}");
+        assert_eq!(Lenslets::new(&camera(), 3).unwrap().nearest_with_spot(50.0, 50.0).2, 1.0);
     }
 
     #[test]

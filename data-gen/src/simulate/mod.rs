@@ -6,6 +6,7 @@
 //! The lenslet's own aperture low-passes what it sees: every layer is blurred by a Gaussian of [`Optics::footprint`]
 //! pitches before the layers are composited. The truth views are the same blurred layers seen from exactly
 //! one offset, averaged over the output pixel; a sensor pixel also averages over the offsets within its own extent.
+//! What real optics do besides is switched on by [`Imperfections`].
 
 mod camera;
 mod capture;
@@ -13,11 +14,15 @@ mod chart;
 mod description;
 mod draw;
 mod error;
+mod imperfections;
+mod jpeg;
 mod layer;
 mod lenslets;
+mod micro_images;
 mod options;
 mod painting;
 mod photo_scene;
+mod pixels;
 mod scene;
 mod scene_name;
 mod sensor;
@@ -29,12 +34,15 @@ pub use capture::{Simulation, capture_name, render_capture};
 pub use chart::{FREQUENCIES, PATCHES, WHITE};
 pub use description::{Bounds, Canvas, LayerSource, Paint, Region, SceneDescription};
 pub use error::Error;
+pub use imperfections::Imperfections;
 pub use layer::Layer;
 pub use lenslets::Lenslets;
+pub use micro_images::{MicroImages, Seen};
 pub use options::{SimulationOptions, TruthOptions};
 pub use photo_scene::photo_scene;
+pub use pixels::disturb_signal;
 pub use scene::Scene;
 pub use scene_name::SceneName;
-pub use sensor::{expose_scene, expose_white, record_mosaic, white_pattern};
+pub use sensor::{expose_scene, expose_white, light_pattern, record_mosaic, white_pattern};
 pub use truth::{output_size, true_disparity, true_view, view_offset};
 pub use write::write_simulation;

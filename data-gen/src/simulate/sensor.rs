@@ -17,13 +17,51 @@ use rayon::prelude::*;
 use super::camera::Camera;
 use super::error::Error;
 use super::lenslets::Lenslets;
+use super::micro_images::MicroImages;
 use super::scene::Scene;
 
-/// The light on every pixel under an even white scene, 1 at the brightest lenslet centres; row-major.
+/// The light on every pixel of a white image, 1 at the brightest lenslet centres; row-major. That of a capture of an
+/// even white scene is the same unless the white images are of another zoom.
 pub fn white_pattern(camera: &Camera, lenslets: &Lenslets) -> Vec<f32> {
+    light_pattern(&MicroImages::of_white(camera, lenslets))
+}
+
+/// The light on every pixel behind the micro-images under an even white scene, 1 at the brightest lenslet centres;
+/// row-major.
+///
+/// Lenslets that differ in their blur: the patterns of [`SPOT_LEVELS`] blurs, each pixel taken between the two that
+/// are next to its lenslet's.
+pub fn light_pattern(images: &MicroImages) -> Vec<f32> {
+    let camera = images.camera();
+    if camera.imperfections.focal_spot == 0.0 {
+        return blurred_light(images, camera.optics.psf);
+    }
+    let levels = SPOT_LEVELS.map(|level| blurred_light(images, level * camera.optics.psf));
+    let w = camera.sensor.0;
+    let mut pattern = vec![0f32; levels[0].len()];
+    pattern.par_chunks_mut(w).enumerate().for_each(|(y, line)| {
+        for (x, value) in line.iter_mut().enumerate() {
+            let spot = images.seen_from(x as f64, y as f64).spot;
+            let above = SPOT_LEVELS.iter().position(|l| spot <= *l).unwrap_or(SPOT_LEVELS.len() - 1).max(1);
+            let [low, high] = [above - 1, above].map(|k| SPOT_LEVELS[k]);
+            let part = ((spot - low) / (high - low)) as f32;
+            let [a, b] = [above - 1, above].map(|k| levels[k][y * w + x]);
+            *value = a + part * (b - a);
+        }
+    });
+    pattern
+}
+
+/// Blurs, as shares of the camera's, between which a lenslet's own is interpolated.
+/// Source: chosen.
+const SPOT_LEVELS: [f64; 5] = [0.5, 0.75, 1.0, 1.25, 1.5];
+
+/// The pattern under an optical blur of `sigma` pixels.
+fn blurred_light(images: &MicroImages, sigma: f64) -> Vec<f32> {
+    let camera = images.camera();
     let (w, h) = camera.sensor;
-    let reach = (4.0 * camera.optics.psf).ceil() as usize;
-    let kernel = gaussian(camera.optics.psf, reach);
+    let reach = (4.0 * sigma).ceil() as usize;
+    let kernel = gaussian(sigma, reach);
     // The pixel's own extent: 3×3 positions.
     let pixel = |x: f64, y: f64, light: &dyn Fn(f64, f64) -> f64| {
         let mut sum = 0.0;
@@ -48,7 +86,7 @@ pub fn white_pattern(camera: &Camera, lenslets: &Lenslets) -> Vec<f32> {
     across.par_chunks_mut(w).enumerate().for_each(|(r, line)| {
         let y = r as f64 - reach as f64;
         let wide: Vec<f32> = (0..w + 2 * reach)
-            .map(|c| pixel(c as f64 - reach as f64, y, &|x, y| camera.light_at(lenslets.nearest(x, y).1)) as f32)
+            .map(|c| pixel(c as f64 - reach as f64, y, &|x, y| images.seen_from(x, y).light) as f32)
             .collect();
         for (c, value) in line.iter_mut().enumerate() {
             *value = kernel.iter().zip(&wide[c..]).map(|(k, v)| k * v).sum();
@@ -83,17 +121,20 @@ fn gaussian(sigma: f64, reach: usize) -> Vec<f32> {
 /// # Errors
 /// [`Error::Interrupted`].
 pub fn expose_scene(
-    camera: &Camera,
-    lenslets: &Lenslets,
+    images: &MicroImages,
     scene: &Scene,
     pattern: &[f32],
     observer: &dyn Observer,
 ) -> Result<Vec<f32>, Error> {
+    let camera = images.camera();
     let (w, h) = camera.sensor;
     let responses = camera.response.filter_responses();
     // Three-point Gauss–Hermite rule of the pixel's and the blur's variance together.
-    let reach = (3.0 * (1.0 / 12.0 + camera.optics.psf * camera.optics.psf)).sqrt();
-    let rule = [(-reach, 1.0 / 6.0), (0.0, 2.0 / 3.0), (reach, 1.0 / 6.0)];
+    let rule = |psf: f64| {
+        let reach = (3.0 * (1.0 / 12.0 + psf * psf)).sqrt();
+        [(-reach, 1.0 / 6.0), (0.0, 2.0 / 3.0), (reach, 1.0 / 6.0)]
+    };
+    let (usual, varied) = (rule(camera.optics.psf), camera.imperfections.focal_spot > 0.0);
     let mut signal = pattern.to_vec();
     observer.begin("capture", h as u64);
     signal.par_chunks_mut(w).enumerate().for_each(|(y, line)| {
@@ -102,12 +143,14 @@ pub fn expose_scene(
         }
         for (x, value) in line.iter_mut().enumerate() {
             let (mut sum, mut total) = ([0f32; 3], 0f32);
+            let rule =
+                if varied { rule(camera.optics.psf * images.seen_from(x as f64, y as f64).spot) } else { usual };
             for (dy, wy) in rule {
                 for (dx, wx) in rule {
                     let (px, py) = (x as f64 + dx, y as f64 + dy);
-                    let (c, d2) = lenslets.nearest(px, py);
-                    let weight = (wx * wy * camera.light_at(d2)) as f32;
-                    let colour = scene.sample(c[0], c[1], [px - c[0], py - c[1]]);
+                    let seen = images.seen_from(px, py);
+                    let weight = (wx * wy * seen.light) as f32;
+                    let colour = scene.sample(seen.lenslet[0], seen.lenslet[1], seen.offset);
                     for k in 0..3 {
                         sum[k] += weight * colour[k];
                     }
@@ -165,7 +208,7 @@ mod tests {
     use lenslet_core::progress::Silent;
 
     use super::*;
-    use crate::simulate::{LensletGrid, SceneName, SensorResponse};
+    use crate::simulate::{Imperfections, LensletGrid, SceneName, SensorResponse};
 
     fn camera() -> Camera {
         let lenslets = LensletGrid { rotation: 0.03, jitter: 0.2, ..LensletGrid::default() };
@@ -219,7 +262,7 @@ mod tests {
         let lenslets = Lenslets::new(&camera, 1).unwrap();
         let pattern = white_pattern(&camera, &lenslets);
         let scene = Scene::named(SceneName::Flat, &camera, Some(0.2), 4, &Silent).unwrap();
-        let signal = expose_scene(&camera, &lenslets, &scene, &pattern, &Silent).unwrap();
+        let signal = expose_scene(&MicroImages::of_capture(&camera, &lenslets), &scene, &pattern, &Silent).unwrap();
         let responses = camera.response.filter_responses();
         let (mut worst, mut squares) = (0f64, 0.0);
         for k in 0..150usize {
@@ -241,6 +284,37 @@ mod tests {
         }
         let rms = (squares / 150.0).sqrt();
         assert!(rms < 0.004 && worst < 0.03, "{rms} {worst}");
+    }
+
+    #[test]
+    fn a_lenslet_with_a_wider_spot_has_a_flatter_micro_image() {
+        let still = LensletGrid { jitter: 0.0, ..LensletGrid::default() };
+        let imperfections = Imperfections { focal_spot: 0.3, ..Imperfections::default() };
+        let camera = Camera { sensor: (240, 240), lenslets: still, imperfections, ..Camera::default() };
+        let ideal = Camera { imperfections: Imperfections::default(), ..camera.clone() };
+        let lenslets = Lenslets::new(&camera, 1).unwrap();
+        let (varied, plain) = (white_pattern(&camera, &lenslets), white_pattern(&ideal, &lenslets));
+        // At the centre of a lenslet whose blur is over the usual there is less light than usual, else more.
+        let mut agree = 0;
+        let mut all = 0;
+        for c in lenslets.centres_on_sensor().into_iter().filter(|c| c.iter().all(|v| (10.0..230.0).contains(v))) {
+            let spot = lenslets.nearest_with_spot(c[0], c[1]).2;
+            let k = c[1].round() as usize * 240 + c[0].round() as usize;
+            if (spot - 1.0).abs() > 0.05 {
+                all += 1;
+                agree += i32::from((varied[k] < plain[k]) == (spot > 1.0));
+            }
+        }
+        assert!(all > 300 && agree == all, "{agree} of {all}");
+        // A scene is blurred over the offsets by the same spot: one of a single colour comes out unchanged.
+        let scene = Scene::named(SceneName::White, &camera, None, 1, &Silent).unwrap();
+        let signal = expose_scene(&MicroImages::of_capture(&camera, &lenslets), &scene, &varied, &Silent).unwrap();
+        let response = camera.response.filter_responses();
+        for k in (0..signal.len()).step_by(101) {
+            let own = response[camera.response.cfa.plane(k % 240, k / 240)];
+            let expected = varied[k] * own.iter().sum::<f32>() * crate::simulate::WHITE;
+            assert!((signal[k] - expected).abs() < 1e-4, "{} {expected}", signal[k]);
+        }
     }
 
     #[test]

@@ -20,7 +20,8 @@ pub fn view_offset(view: [usize; 2], n: usize, view_step: f64) -> [f64; 2] {
 }
 
 /// The scene under offset `delta` (sensor pixels), shape (t, s, 3), linear light: output pixel (s, t) is the mean over
-/// its area, centred on the sensor position (s + 0.5)·W/W_out − 0.5.
+/// its area, centred on the sensor position (s + 0.5)·W/W_out − 0.5. Under a pupil shift the position is that of the
+/// micro-images' centres of light, which is what white images show of the lenslets.
 ///
 /// The mean over a square is 2/3 of its middle and 1/12 of each corner: exact for polynomials up to the third degree,
 /// and corners serve four squares. A pixel is cut into squares of at most 0.4 pitches, over which the low-passed scene
@@ -31,10 +32,12 @@ pub fn true_view(scene: &Scene, camera: &Camera, delta: [f64; 2], size: (usize, 
     let m = (step[0].max(step[1]) / (0.4 * camera.lenslets.pitch)).ceil().clamp(1.0, 64.0) as usize;
     let cell = [step[0] / m as f64, step[1] / m as f64];
     let share = 1.0 / (m * m) as f32;
+    let lens = lens_position(camera);
     // One line of squares' middles, or of their corners, at sensor row y.
     let line = |to: &mut [[f32; 3]], y: f64, start: f64| {
         for (k, to) in to.iter_mut().enumerate() {
-            *to = scene.sample((k as f64 + start) * cell[0] - 0.5, y, delta);
+            let [x, y] = lens([(k as f64 + start) * cell[0] - 0.5, y]);
+            *to = scene.sample(x, y, delta);
         }
     };
     let mut values = vec![0f32; w * h * 3];
@@ -63,6 +66,14 @@ pub fn true_view(scene: &Scene, camera: &Camera, delta: [f64; 2], size: (usize, 
     Array3::from_shape_vec((h, w, 3), values).unwrap_or_else(|_| Array3::zeros((h, w, 3)))
 }
 
+/// From the centre of light of a micro-image to that of its lenslet, where the scene is seen.
+fn lens_position(camera: &Camera) -> impl Fn([f64; 2]) -> [f64; 2] + Sync {
+    let (scale, middle) = (camera.pupil_scale(camera.imperfections.pupil_shift), camera.middle());
+    move |p| {
+        if scale == 1.0 { p } else { std::array::from_fn(|axis| middle[axis] + (p[axis] - middle[axis]) / scale) }
+    }
+}
+
 /// Output rows rendered in one go; the line of corners between two bands is sampled twice.
 const BAND: usize = 16;
 
@@ -70,11 +81,13 @@ const BAND: usize = 16;
 pub fn true_disparity(scene: &Scene, camera: &Camera, view_step: f64, size: (usize, usize)) -> Array2<f32> {
     let (w, h) = size;
     let step = [camera.sensor.0 as f64 / w as f64, camera.sensor.1 as f64 / h as f64];
+    let lens = lens_position(camera);
+    let scale = camera.pupil_scale(camera.imperfections.pupil_shift);
     let mut values = vec![0f32; w * h];
     values.par_chunks_mut(w).enumerate().for_each(|(t, line)| {
         for (s, value) in line.iter_mut().enumerate() {
-            let (x, y) = ((s as f64 + 0.5) * step[0] - 0.5, (t as f64 + 0.5) * step[1] - 0.5);
-            *value = (scene.disparity(x, y, [0.0; 2]) * view_step / step[0]) as f32;
+            let [x, y] = lens([(s as f64 + 0.5) * step[0] - 0.5, (t as f64 + 0.5) * step[1] - 0.5]);
+            *value = (scene.disparity(x, y, [0.0; 2]) * scale * view_step / step[0]) as f32;
         }
     });
     Array2::from_shape_vec((h, w), values).unwrap_or_else(|_| Array2::zeros((h, w)))

@@ -37,7 +37,13 @@ pub fn write_simulation(
     truth.check()?;
     let pending = Pending::directory(dir, force)?;
     let root = pending.path().to_path_buf();
-    container::write_lfp(&root.join(capture_name(camera)), &simulation.capture, false)?;
+    let path = root.join(capture_name(camera));
+    match &simulation.jpeg {
+        Some(file) => {
+            std::fs::write(&path, file).map_err(|e| Error::Write { path: path.clone(), reason: e.to_string() })?;
+        }
+        None => container::write_lfp(&path, &simulation.capture, false)?,
+    }
     for (k, white) in simulation.whites.iter().enumerate() {
         container::write_lfp(&root.join(format!("white-{k:02}.lfp")), white, false)?;
     }

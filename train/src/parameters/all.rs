@@ -2,6 +2,7 @@
 
 use lenslet_core::dictionary::Storage;
 use lenslet_core::interpolation::Interpolation;
+use lenslet_data_gen::pairs::CameraLattice;
 use serde::{Deserialize, Serialize};
 
 use super::anchors::AnchorParameters;
@@ -138,6 +139,7 @@ impl From<Parameters> for ParametersRecord {
             pitch: degradation.pitch,
             rotation: degradation.rotation,
             noise: degradation.noise,
+            lattice: degradation.lattice.map(|l| l.sha256().to_owned()),
             // No longer supported: chains of passes, and codes on top of a regressor. Recipes still have the keys.
             passes: 1,
             with_linear: false,
@@ -191,6 +193,7 @@ impl TryFrom<ParametersRecord> for Parameters {
                 pitch: r.pitch,
                 rotation: r.rotation,
                 noise: r.noise,
+                lattice: r.lattice.map(CameraLattice::named),
             },
             anchors: AnchorParameters { count: r.anchors, neighbours: r.neighbours, ridge: r.ridge },
             network: r.network,

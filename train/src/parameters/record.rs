@@ -44,6 +44,8 @@ pub(super) struct ParametersRecord {
     pub(super) neighbours: usize,
     pub(super) ridge: f32,
     pub(super) held_out: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) lattice: Option<String>,
     #[serde(skip_serializing_if = "is_default")]
     pub(super) linear_light: bool,
     #[serde(skip_serializing_if = "is_default_memory")]

@@ -13,6 +13,17 @@ pub enum Fit {
     Triangulation,
 }
 
+impl Fit {
+    /// Name on the command line and in records.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Fit::Smooth => "least-squares",
+            Fit::Triangulation => "triangulation",
+        }
+    }
+}
+
 /// How views are refined.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {

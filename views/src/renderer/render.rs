@@ -4,6 +4,7 @@ use std::path::Path;
 
 use lenslet_core::decode::HexSamples;
 use lenslet_core::geometry::Size;
+use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{self, ColourSpace, LightField, Meta, View};
 use lenslet_core::progress::Observer;
 use ndarray::{Array5, s};
@@ -12,6 +13,7 @@ use super::interpolated_views::InterpolatedViews;
 use super::learned_views::LearnedViews;
 use crate::Error;
 use crate::method::Method;
+use crate::multiview;
 use crate::reconstruct::{Plan, embedded_dictionary_for};
 use crate::target::{Sink, mean_pitch};
 
@@ -77,7 +79,12 @@ impl<'a> Renderer<'a> {
             None => None,
         };
         let working = learned.as_ref().map_or(size, LearnedViews::working_size);
-        let interpolated = InterpolatedViews::prepare(samples, interpolation, &working, observer)?;
+        let interpolated = if interpolation == Interpolation::Multiview {
+            let options = multiview::Options { fit: method.fit, ..multiview::Options::default() };
+            InterpolatedViews::refined(samples, &options, &working, observer)?
+        } else {
+            InterpolatedViews::prepare(samples, interpolation, &working, observer)?
+        };
         Ok(Renderer { samples, method: method.name(), interpolated, learned, size, observer })
     }
 

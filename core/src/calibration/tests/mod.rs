@@ -287,6 +287,15 @@ fn the_white_pattern_is_one_at_centres_in_full_light() {
     assert!(middle.len() > 20 && middle.iter().all(|m| (m - 1.0).abs() < 0.02), "{middle:?}");
 }
 
+/// RMS of the lattice's own centres.
+fn found_on_lattice(found: &Calibration, truth: &[[f64; 2]]) -> f64 {
+    let mut on = found.clone();
+    for l in &mut on.lenslets {
+        [l.x, l.y] = found.lattice.centre(l.i, l.j);
+    }
+    compare(&on, truth, 20.0).0
+}
+
 #[test]
 fn algorithm1_as_printed_works_and_is_less_accurate() {
     let plant = PlantedCamera { jitter: 0.1, ..PlantedCamera::default() };
@@ -300,6 +309,7 @@ fn algorithm1_as_printed_works_and_is_less_accurate() {
     };
     let (full, best) = run(CalibrationVariant::Full);
     let (paper, rms) = run(CalibrationVariant::Paper);
+    println!("paper {rms}, full {best}, lattice {}", found_on_lattice(&paper, &truth));
     assert!(rms < 0.25 && rms > best, "paper {rms}, full {best}");
     let index = |c: &Calibration| c.lenslets.iter().map(|l| [l.i, l.j]).collect::<std::collections::HashSet<_>>();
     assert!(index(&full).symmetric_difference(&index(&paper)).count() < 40);
@@ -310,6 +320,74 @@ fn algorithm1_as_printed_works_and_is_less_accurate() {
     let (none, _) = run(CalibrationVariant::None);
     assert_eq!((none.lattice.rotation(), none.lattice.pitch()), (0.0, 10.0));
     assert!(none.origin.method.contains("none"));
+}
+
+#[test]
+fn algorithm1_takes_the_gamma_of_the_header() {
+    // White images whose numbers are light to the power 1/γ, and whose header says so: γ makes them linear again.
+    let gamma = 0.45f32;
+    let plant = PlantedCamera { jitter: 0.1, noise: 0.3, ..PlantedCamera::default() };
+    let (linear, truth) = plant.white_image();
+    let truth: Vec<[f64; 2]> = truth.into_iter().map(|t| t.1).collect();
+    let mut encoded = linear.clone();
+    for v in &mut encoded.mosaic.data {
+        let light = ((f64::from(*v) - BLACK) / (WHITE - BLACK)).max(0.0);
+        *v = (BLACK + (WHITE - BLACK) * light.powf(1.0 / f64::from(gamma))).round() as u16;
+    }
+    encoded.colour.gamma = Some(gamma);
+    let stages = paper::run_algorithm1(std::slice::from_ref(&encoded), &Silent).unwrap();
+    let mut off = 0f64;
+    for (k, v) in stages.average.data.iter().enumerate() {
+        let light = (f64::from(linear.mosaic.data[k]) - BLACK) / (WHITE - BLACK);
+        if light > 0.1 {
+            off = off.max((f64::from(*v) - light).abs());
+        }
+    }
+    println!("gamma: off by {off}");
+    // Without the header's number the image is another.
+    let mut silent = encoded.clone();
+    silent.colour.gamma = None;
+    let other = paper::run_algorithm1(&[silent], &Silent).unwrap();
+    let k = (0..linear.mosaic.data.len()).max_by_key(|k| linear.mosaic.data[*k]).unwrap();
+    println!("{} {}", stages.average.data[k], other.average.data[k]);
+    for (name, capture) in [("encoded", &encoded), ("linear", &linear)] {
+        let options = CalibrationOptions { variant: CalibrationVariant::Paper, without_vignetting: true, ..CalibrationOptions::default() };
+        for gamma in [None, Some(1.0), Some(gamma)] {
+            let mut c = capture.clone();
+            c.colour.gamma = gamma;
+            let found = calibrate(&[c], &options, &Silent).unwrap();
+            println!("{name} {gamma:?} {:?}", compare(&found, &truth, 20.0));
+        }
+    }
+}
+
+#[test]
+fn algorithm1_erodes_and_fits_paraboloids() {
+    let plant = PlantedCamera { jitter: 0.1, rotation: 0.02, width: 400, height: 360, ..PlantedCamera::default() };
+    let (white, truth) = plant.white_image();
+    let stages = paper::run_algorithm1(std::slice::from_ref(&white), &Silent).unwrap();
+    // Every eroded pixel is the least of the rotated image within a fifth of a pitch.
+    let mut changed = 0;
+    for (x, y) in (10..350).step_by(7).flat_map(|y| (10..390).step_by(11).map(move |x| (x, y))) {
+        let disc = (-2i64..=2).flat_map(|dy| (-2i64..=2).map(move |dx| (dx, dy))).filter(|(dx, dy)| dx * dx + dy * dy <= 4);
+        let read = |(dx, dy)| stages.turned.at((x as i64 + dx) as usize, (y as i64 + dy) as usize);
+        let least = disc.map(read).fold(f32::INFINITY, f32::min);
+        assert_eq!(stages.eroded.at(x, y), least);
+        changed += usize::from(least < stages.turned.at(x, y));
+    }
+    assert!(changed > 1000, "{changed}");
+    // The tops of the paraboloids are much nearer to the lenslets than the brightest eroded pixels are.
+    let rms = |centres: &[[f64; 2]]| {
+        let near = |c: &[f64; 2]| {
+            truth.iter().map(|(_, t)| (t[0] - c[0]).powi(2) + (t[1] - c[1]).powi(2)).fold(f64::MAX, f64::min)
+        };
+        let inside = |c: &&[f64; 2]| (20.0..380.0).contains(&c[0]) && (20.0..340.0).contains(&c[1]);
+        let squares: Vec<f64> = centres.iter().filter(inside).map(near).collect();
+        (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+    };
+    let whole: Vec<[f64; 2]> = stages.centres.iter().map(|c| c.map(f64::round)).collect();
+    println!("paraboloids {:.4}, whole pixels {:.4}", rms(&stages.centres), rms(&whole));
+    assert!(rms(&stages.centres) < 0.16 && rms(&whole) > 2.0 * rms(&stages.centres));
 }
 
 /// Scenes: broad colour changes and edges, in light that falls on the same lenslets.

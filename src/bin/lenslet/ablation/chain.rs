@@ -37,6 +37,9 @@ pub struct Chain {
     /// How colours are filled in.
     #[serde(serialize_with = "demosaic_name")]
     pub demosaic: Demosaic,
+    /// Rotate the demosaiced raw and resample it, as printed in Algorithm 1.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub rotate_raw: bool,
     /// Views a row and column.
     pub views: usize,
     /// Samples to views.
@@ -55,6 +58,7 @@ impl Default for Chain {
             calibration: CalibrationVariant::Full,
             vignetting: true,
             demosaic: Demosaic::CoKriging,
+            rotate_raw: false,
             views: 7,
             method: Method::Barycentric,
             noise: 0.7,

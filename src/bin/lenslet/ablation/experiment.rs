@@ -14,6 +14,8 @@ pub enum Experiment {
     Subpixel,
     /// The paper's four methods and ours (figures 10, 11).
     Resampling,
+    /// The paper's steps as printed, each beside this program's.
+    Paper,
     /// Which parameters of the dictionary matter.
     Dictionary,
     /// Captures of rising noise.
@@ -30,10 +32,11 @@ pub enum Experiment {
 
 impl Experiment {
     /// All, in the order of the report.
-    pub const ALL: [Experiment; 9] = [
+    pub const ALL: [Experiment; 10] = [
         Experiment::Calibration,
         Experiment::Subpixel,
         Experiment::Resampling,
+        Experiment::Paper,
         Experiment::Dictionary,
         Experiment::Noise,
         Experiment::Demosaic,
@@ -48,6 +51,7 @@ impl Experiment {
             Experiment::Calibration => "calibration",
             Experiment::Subpixel => "subpixel",
             Experiment::Resampling => "resampling",
+            Experiment::Paper => "paper",
             Experiment::Dictionary => "dictionary",
             Experiment::Noise => "noise",
             Experiment::Demosaic => "demosaic",
@@ -63,6 +67,7 @@ impl Experiment {
             Experiment::Calibration => "What does calibration give? (figure 8 of the paper)",
             Experiment::Subpixel => "What do sub-pixel lenslet centres give? (figure 9)",
             Experiment::Resampling => "What do the ways from samples to views give? (figures 10 and 11)",
+            Experiment::Paper => "What do the paper's steps give exactly as printed, and what do this program's?",
             Experiment::Dictionary => "Which parameters of the dictionary matter, and what do they cost?",
             Experiment::Noise => "How do the methods take noise?",
             Experiment::Demosaic => "What does the kind of demosaic change, in the middle view and the outer ones?",

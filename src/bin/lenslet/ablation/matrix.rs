@@ -14,6 +14,7 @@ use serde::Serialize;
 use super::chain::{Chain, Training};
 use super::experiment::Experiment;
 use super::method::Method;
+use super::paper;
 use super::settings::Settings;
 
 /// What is scored.
@@ -137,7 +138,7 @@ fn scenes(experiment: Experiment, quick: bool) -> Vec<SceneName> {
         (Experiment::Calibration | Experiment::Subpixel | Experiment::Resampling, _) => {
             vec![SceneName::Natural, SceneName::Chart]
         }
-        (Experiment::Views, _) => vec![SceneName::Natural],
+        (Experiment::Views | Experiment::Paper, _) => vec![SceneName::Natural],
         (_, true) => vec![SceneName::Natural],
         (_, false) => vec![SceneName::Natural, SceneName::Chart],
     }
@@ -163,6 +164,7 @@ fn variants(experiment: Experiment, quick: bool) -> Vec<(String, Chain)> {
             let methods = Method::ALL.into_iter().filter(|m| !(quick && m.is_slow()));
             methods.map(|method| named(method.name(), Chain { method, ..base() })).collect()
         }
+        Experiment::Paper => paper::as_printed(),
         Experiment::Dictionary => dictionary_variants(quick),
         Experiment::Noise => {
             let levels: &[f64] = if quick { &[0.0, 3.0] } else { &[0.0, 0.7, 1.5, 3.0, 6.0] };
@@ -240,7 +242,7 @@ mod tests {
             assert_eq!(keys.len(), runs.len());
             // All experiments but the one that needs files.
             let experiments: std::collections::HashSet<_> = runs.iter().map(|r| r.experiment).collect();
-            assert_eq!(experiments.len(), 8);
+            assert_eq!(experiments.len(), 9);
         }
     }
 

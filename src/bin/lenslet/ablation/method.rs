@@ -10,6 +10,8 @@ use serde::Serialize;
 pub enum Method {
     /// Section 4.1.
     Bicubic,
+    /// Section 4.1 as printed: one raw value a low pixel.
+    BicubicDownsampled,
     /// Section 4.2.
     Barycentric,
     /// A C¹ surface through the samples of one view.
@@ -37,7 +39,8 @@ impl From<Interpolation> for Method {
 
 impl Method {
     /// All, in the order of the tables.
-    pub const ALL: [Method; 7] = [
+    pub const ALL: [Method; 8] = [
+        Method::BicubicDownsampled,
         Method::Bicubic,
         Method::Barycentric,
         Method::Cubic,
@@ -51,6 +54,7 @@ impl Method {
     pub fn name(self) -> &'static str {
         match self {
             Method::Bicubic => "bicubic",
+            Method::BicubicDownsampled => "bicubic, raw downsampled",
             Method::Barycentric => "barycentric",
             Method::Cubic => "cubic",
             Method::Multiview => "multiview",
@@ -60,14 +64,14 @@ impl Method {
         }
     }
 
-    /// The interpolation of the samples; none where the method starts from another one's views.
+    /// The interpolation of the samples; none where the method starts from another one's views, or has its own.
     pub fn interpolation(self) -> Option<Interpolation> {
         match self {
             Method::Bicubic => Some(Interpolation::Bicubic),
             Method::Barycentric => Some(Interpolation::Barycentric),
             Method::Cubic => Some(Interpolation::Cubic),
             Method::Multiview | Method::MultiviewTriangulated => Some(Interpolation::Multiview),
-            Method::Learned | Method::LearnedMultiview => None,
+            Method::BicubicDownsampled | Method::Learned | Method::LearnedMultiview => None,
         }
     }
 

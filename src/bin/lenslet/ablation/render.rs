@@ -15,6 +15,7 @@ use lenslet_core::progress::Observer;
 use lenslet_views::{InterpolatedViews, LearnedViews, multiview, reconstruct};
 use ndarray::Array3;
 
+use super::downsampled::downsampled_views;
 use super::method::Method;
 
 /// Views of linear light, and the seconds they took.
@@ -111,6 +112,9 @@ fn interpolate_views(
     wanted: &[(usize, usize)],
     observer: &dyn Observer,
 ) -> Result<Vec<Array3<f32>>> {
+    if method == Method::BicubicDownsampled {
+        return downsampled_views(samples, target, wanted);
+    }
     let interpolation = method.interpolation().with_context(|| format!("{} starts from other views", method.name()))?;
     let prepared = if interpolation == Interpolation::Multiview {
         let options = multiview::Options { fit: method.fit(), ..multiview::Options::default() };

@@ -94,7 +94,10 @@ fn run_simulated(
     scored.step_seconds = views.seconds;
     let images = views.images;
 
-    if matches!(run.experiment, Experiment::Calibration | Experiment::Subpixel | Experiment::Noise) {
+    if matches!(
+        run.experiment,
+        Experiment::Calibration | Experiment::Subpixel | Experiment::Noise | Experiment::Paper
+    ) {
         let centres: Vec<[f64; 2]> = calibration.lenslets.iter().map(|l| [l.x, l.y]).collect();
         scored.scores.insert("centres_rms".into(), scores::centres_rms(&centres, &capture.simulation.centres));
     }
@@ -162,7 +165,12 @@ fn steps_to_samples(chain: &Chain) -> Result<String> {
 }
 
 fn decode_options(chain: &Chain) -> decode::Options {
-    decode::Options { views: chain.views, steps: chain.steps(), ..decode::Options::default() }
+    decode::Options {
+        views: chain.views,
+        rotate_raw: chain.rotate_raw,
+        steps: chain.steps(),
+        ..decode::Options::default()
+    }
 }
 
 /// The embedded dictionary for a method that needs one.

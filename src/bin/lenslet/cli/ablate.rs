@@ -16,7 +16,7 @@ use super::{Context, Outcome, Usage};
 Example: lenslet ablate --out ablation/ --quick --check
          lenslet ablate --out ablation/ --experiment resampling --whites white.png --captures IMG_4.jpg
 
-Experiments: calibration, subpixel, resampling, dictionary, noise, demosaic, vignetting, views, peers (with --peer and
+Experiments: calibration, subpixel, resampling, paper, dictionary, noise, demosaic, vignetting, views, peers (with --peer and
 --truth). A run that was interrupted goes on where it stopped. Writes runs.jsonl (a line a run), tables.json, tables.csv,
 tables.md, orderings.json, report.html and the pictures.")]
 pub struct Args {

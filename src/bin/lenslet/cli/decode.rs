@@ -19,10 +19,12 @@ use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{self, Format, Meta, View};
 use lenslet_core::output::Kind;
 use lenslet_core::progress::Observer;
+use lenslet_views::multiview::Fit;
 use lenslet_views::{Learned, Method, Renderer, native_size};
 use serde_json::{Value, json};
 
 use super::learned::LearnedArgs;
+use super::values::FitName;
 use super::written::{Written, check_output, kind_of};
 use super::{Context, Outcome, Usage, dict};
 use choose::CalibrationStore;
@@ -53,6 +55,9 @@ pub struct Args {
     /// Interpolation that learned reconstruction starts from: barycentric, cubic or multiview
     #[arg(long, value_name = "METHOD")]
     base: Option<Interpolation>,
+    /// How multi-view samples become pixels [default: least-squares]
+    #[arg(long, value_enum)]
+    fit: Option<FitName>,
     /// Views a row and a column (odd, up to 15)
     #[arg(long, default_value_t = 7, value_name = "N")]
     views: usize,
@@ -71,6 +76,10 @@ pub struct Args {
     /// How colours are filled in: lenslet (each micro-image by itself), malvar or bilinear
     #[arg(long, default_value = "lenslet", value_name = "HOW", value_parser = parse_demosaic)]
     demosaic: Demosaic,
+    /// Rotate the demosaiced raw by the lattice's angle and resample it, as printed in the paper's Algorithm 1, instead
+    /// of turning coordinates (with --demosaic malvar or bilinear)
+    #[arg(long)]
+    rotate_raw: bool,
     /// Brighten (or darken, below 0) by this many stops
     #[arg(long, value_name = "EV", allow_negative_numbers = true, value_parser = parse_exposure)]
     exposure: Option<f32>,
@@ -211,6 +220,7 @@ impl Args {
             view_step: self.view_step,
             white_balance: self.white_balance,
             recentre: !self.without.contains(&Without::Recentring),
+            rotate_raw: self.rotate_raw,
             steps,
         }
     }
@@ -230,7 +240,13 @@ impl Args {
         if !(self.view_step > 0.0 && self.view_step <= 4.0) {
             return Err(Usage(format!("--view-step {}: it must be above 0, up to 4", self.view_step)).into());
         }
+        if self.rotate_raw && self.demosaic == Demosaic::CoKriging {
+            return Err(Usage("--rotate-raw goes with --demosaic malvar or bilinear".into()).into());
+        }
         self.learned.check()?;
+        if self.fit.is_some() && self.interpolation() != Interpolation::Multiview {
+            return Err(Usage("--fit goes with --method multiview, or learned on --base multiview".into()).into());
+        }
         if let (MethodName::Interpolation(method), Some(option)) = (self.method, self.learned.first_given()) {
             return Err(Usage(format!("{option} goes with --method learned, not {method}")).into());
         }
@@ -250,13 +266,26 @@ impl Args {
         self.base.unwrap_or(Interpolation::Barycentric)
     }
 
-    fn method(&self) -> anyhow::Result<Method> {
+    /// The interpolation that views are made of, or start from.
+    fn interpolation(&self) -> Interpolation {
         match self.method {
-            MethodName::Interpolation(interpolation) => Ok(interpolation.into()),
+            MethodName::Interpolation(interpolation) => interpolation,
+            MethodName::Learned => self.base(),
+        }
+    }
+
+    fn fit(&self) -> Fit {
+        self.fit.map(Fit::from).unwrap_or_default()
+    }
+
+    fn method(&self) -> anyhow::Result<Method> {
+        let interpolated = Method::from(self.interpolation()).fitted_by(self.fit());
+        match self.method {
+            MethodName::Interpolation(_) => Ok(interpolated),
             MethodName::Learned => {
                 let dictionary = self.learned.dictionary.as_deref().map(dict::find).transpose()?.map(Arc::new);
                 let options = self.learned.options();
-                Ok(Method::from(self.base()).learned_with(Learned { dictionary, options }))
+                Ok(interpolated.learned_with(Learned { dictionary, options }))
             }
         }
     }
@@ -451,6 +480,7 @@ fn describe_views(
         "calibration_sources": calibration.origin.sources,
         "method": args.method.name(),
         "base": (args.method == MethodName::Learned).then(|| args.base().name()),
+        "fit": args.fit.map(|_| args.fit().name()),
         "view_step": args.view_step,
         "steps": options.steps.names(),
         "white_balance": format!("{:?}", args.white_balance),

@@ -6,14 +6,14 @@ use lenslet_core::decode::HexSamples;
 use lenslet_core::geometry::Size;
 use lenslet_core::lightfield::{self, ColourSpace, LightField, colour};
 use lenslet_core::progress::Observer as _;
-use lenslet_views::multiview::{Options, RefinedViews, SampleSet};
+use lenslet_views::multiview::{Fit, Options, RefinedViews, SampleSet};
 use lenslet_views::reconstruct::Enlargement;
 use ndarray::Array3;
 use serde_json::json;
 
 use super::belong;
 use super::source::{SourceArgs, measured_samples, note_dark};
-use super::values::RangeArgs;
+use super::values::{FitName, RangeArgs};
 use super::written::Written;
 use super::{Context, Outcome, Usage};
 
@@ -33,6 +33,9 @@ pub struct Args {
     /// Factor by which the views are enlarged, 1 to 8 (default: 1 where there are measured samples, else 2)
     #[arg(value_parser = super::values::finite::<f64>, long, value_name = "N")]
     scale: Option<f64>,
+    /// How the samples become pixels
+    #[arg(long, value_enum, default_value = "least-squares")]
+    fit: FitName,
     /// Do not use the measured samples (samples.npz) beside the light field
     #[arg(long)]
     without_samples: bool,
@@ -73,7 +76,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     meta.method = Some("multiview".into());
     meta.provenance.push(json!({
         "tool": "lenslet", "version": env!("CARGO_PKG_VERSION"), "command": "refine",
-        "input": args.source.name(), "scale": scale,
+        "input": args.source.name(), "scale": scale, "fit": Fit::from(args.fit).name(),
     }));
     let target = Size { width: meta.size[1], height: meta.size[0] };
     let set = match &given {
@@ -88,7 +91,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         Ok(sink.write(v, u, &pixels)?)
     };
     let all: Vec<_> = (0..rows * columns).map(|k| (k / columns, k % columns)).collect();
-    let mut options = Options::default();
+    let mut options = Options { fit: args.fit.into(), ..Options::default() };
     // Stated in pixels of the views that are there, searched in those of the result.
     options.disparity.range = args.range.range.map(|(a, b)| (a * scale as f32, b * scale as f32));
     let refined = RefinedViews::estimate(set, &options, &context.progress)?;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use lenslet_core::container::CameraProfile;
 use lenslet_core::output::Kind;
 use lenslet_data_gen::simulate::{
-    self, Camera, LensletGrid, Optics, Scene, SceneName, SimulationOptions, TruthOptions,
+    self, Camera, Imperfections, LensletGrid, Optics, Scene, SceneName, SimulationOptions, TruthOptions,
 };
 use serde_json::json;
 
@@ -19,9 +19,11 @@ Examples: lenslet simulate --out sim
           lenslet simulate --scene chart --sensor 1640 --size 540 --noise 0 --out chart
           lenslet simulate --photo wall.jpg print.jpg --out photos
           lenslet simulate --camera lytro-illum --out illum
+          lenslet simulate --optics pupil-shift=0.2,cats-eye,crosstalk --out worn
+          lenslet simulate --optics real --out real
 
-Writes capture.lfp (capture.lfr where the camera puts a white image into it), white-00.lfp ..., and truth/:
-centres.npy (N x 2: x, y in sensor pixels, pixel centres at integers), views/ (a light field), disparity.npy
+Writes capture.lfp (capture.lfr where the camera puts a white image into it, capture.jpg with --optics jpeg),
+white-00.lfp ..., and truth/: centres.npy (N x 2: x, y of the micro-images in sensor pixels, pixel centres at integers), views/ (a light field), disparity.npy
 (central view, output pixels per view step: a point at x in the central view is at x + D*u in view u), scene.json
 (camera, scene, and where the charts' elements are).
 A scene's detail is drawn in lenslet pitches, so a small sensor sees a smaller piece at the same detail.")]
@@ -90,6 +92,14 @@ pub struct Args {
     /// White images
     #[arg(long, default_value_t = SimulationOptions::default().whites, value_name = "N")]
     whites: usize,
+    /// What real optics and sensors do besides: a list of NAME or NAME=VALUE of pupil-shift (pitches in the corners;
+    /// 0.1), cats-eye (half pitches in the corners; 0.5), white-shift (pupil shift of the white images over the
+    /// capture's, pitches in the corners; 0.05), white-size (size of their micro-images over the capture's; 0.95),
+    /// other-zoom (both), focal-spot (relative deviation of the lenslets' blur; 0.15), crosstalk (share to each
+    /// neighbouring pixel; 0.01), saturation (share of full scale where the response bends; 0.8), jpeg (quality of the
+    /// capture saved in 8 bits; 95); real: all, ideal: none
+    #[arg(long, default_value = "ideal", value_name = "LIST")]
+    optics: Imperfections,
 }
 
 /// Standard deviation of the Gaussian profile, radii of a micro-image.
@@ -143,6 +153,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
             jitter: args.jitter,
         },
         optics: Optics { profile, vignetting: args.vignetting, psf: args.psf, ..like.optics },
+        imperfections: args.optics.clone(),
         ..like
     };
     let options = SimulationOptions { seed: args.seed, noise: args.noise, whites: args.whites };

@@ -8,6 +8,7 @@ use lenslet_core::input::read_text;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::output::{self, Kind};
 use lenslet_core::progress::Observer;
+use lenslet_data_gen::pairs::CameraLattice;
 use lenslet_train::{Algorithm, Coupling, KsvdUpdate, Parameters, train_dictionary, train_on_crops};
 use serde_json::json;
 
@@ -88,7 +89,7 @@ pub struct Args {
     /// camera, decoded and refined
     #[arg(long, value_enum, conflicts_with = "grid")]
     base: Option<TrainingBase>,
-    /// Lattice (pitch, rotation) as this calibration's, for views 1080 pixels wide
+    /// Samples at the lenslets of this calibration (each at its own place), for views 1080 pixels wide
     #[arg(long, value_name = "CAM.calib")]
     calibration: Option<PathBuf>,
     /// The photos hold linear light (default: sRGB-encoded values)
@@ -164,6 +165,7 @@ fn parameters(args: &Args) -> anyhow::Result<Parameters> {
         let (w, h) = (calibration.width, calibration.height);
         p.degradation.pitch = calibration.lattice.pitch() * 1080.0 / w.max(h).max(1) as f64;
         p.degradation.rotation = calibration.lattice.rotation();
+        p.degradation.lattice = Some(CameraLattice::of_calibration(&calibration, 1080)?);
     }
     if let Some(scale) = args.grid {
         if !(1.5..=8.0).contains(&scale) {

@@ -6,6 +6,7 @@ use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{self, Format};
 use lenslet_core::metrics::SsimWindow;
 use lenslet_train::{Algorithm, KsvdUpdate};
+use lenslet_views::multiview::Fit;
 use lenslet_views::reconstruct::Mode;
 
 /// Defines an enum of option values and what each becomes.
@@ -80,6 +81,16 @@ named_values! {
         Ksvd => Algorithm::Ksvd,
         Online => Algorithm::Online,
         Ista => Algorithm::Ista,
+    }
+}
+
+named_values! {
+    /// `--fit`: how multi-view samples become pixels.
+    FitName => Fit {
+        /// Pixels that fit all samples best
+        LeastSquares => Fit::Smooth,
+        /// As printed in the paper: all samples triangulated, the pixels between them interpolated barycentrically
+        Triangulation => Fit::Triangulation,
     }
 }
 
