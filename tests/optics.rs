@@ -11,7 +11,9 @@ use lenslet_core::geometry::Size;
 use lenslet_core::lightfield::{ColourSpace, Linear, View, colour};
 use lenslet_core::metrics::{Scores, Window};
 use lenslet_core::progress::Silent;
-use lenslet_data_gen::simulate::{self, Camera, Imperfections, Lenslets, MicroImages, Scene, SceneName, SimulationOptions};
+use lenslet_data_gen::simulate::{
+    self, Camera, Imperfections, Lenslets, MicroImages, Scene, SceneName, SimulationOptions,
+};
 use lenslet_views::multiview::{Options, RefinedViews, SampleSet};
 use lenslet_views::{Method, RenderSamples as _};
 
@@ -31,8 +33,7 @@ fn taken(kind: SceneName, imperfections: Imperfections, noise: f64) -> World {
     let options = SimulationOptions { seed: 3, noise, ..SimulationOptions::default() };
     let scene = Scene::named(kind, &camera, None, 3, &Silent).unwrap();
     let simulation = simulate::render_capture(&scene, &camera, &options, &Silent).unwrap();
-    let calibration =
-        calibration::calibrate(&simulation.whites, &CalibrationOptions::default(), &Silent).unwrap();
+    let calibration = calibration::calibrate(&simulation.whites, &CalibrationOptions::default(), &Silent).unwrap();
     World { camera, scene, simulation, calibration }
 }
 
@@ -83,8 +84,7 @@ impl World {
         let (h, w) = found.dim();
         let at = |k: usize, from: usize, to: usize| (k * to + to / 2) / from;
         let near = |(t, s): (usize, usize)| f64::from(truth[[at(t, h, truth.dim().0), at(s, w, truth.dim().1)]]);
-        let mut errors: Vec<f64> =
-            found.indexed_iter().map(|(place, d)| (f64::from(*d) - near(place)).abs()).collect();
+        let mut errors: Vec<f64> = found.indexed_iter().map(|(place, d)| (f64::from(*d) - near(place)).abs()).collect();
         errors.sort_by(f64::total_cmp);
         let views = [(3, 3), (1, 5)];
         let [c, co] = views.map(|at| self.psnr(cubic.view(at.0, at.1).unwrap(), at));

@@ -84,8 +84,7 @@ fn multiview_by_triangulation_and_a_rotated_raw() {
     // Measured 29.85, 35.25 and 35.66.
     assert!(meshed > barycentric + 4.5 && fitted > meshed + 0.1, "{barycentric} {meshed} {fitted}");
     assert!((refined - meshed).abs() < 0.1, "{refined} {meshed}");
-    let meta: Value =
-        serde_json::from_slice(&std::fs::read(world.at("meshed/lightfield.json")).unwrap()).unwrap();
+    let meta: Value = serde_json::from_slice(&std::fs::read(world.at("meshed/lightfield.json")).unwrap()).unwrap();
     assert_eq!(meta["provenance"].as_array().unwrap().last().unwrap()["fit"], "triangulation");
     world.refused(&["--method", "cubic", "--fit", "triangulation"], "--fit");
     world.refused(&["--method", "learned", "--fit", "triangulation"], "--fit");
@@ -144,7 +143,18 @@ fn joint_dictionaries_by_every_trainer_reconstruct_what_they_never_saw() {
         let infer = |out: &str, more: &[&str]| -> f64 {
             let out = at(&format!("{algorithm}-{out}.npy"));
             let (low, dictionary) = (at("low.npy"), text(&dictionary));
-            let all = ["infer", text(&low), "--out", text(&out), "--dictionary", dictionary, "--path", "lasso", "--scale", "1"];
+            let all = [
+                "infer",
+                text(&low),
+                "--out",
+                text(&out),
+                "--dictionary",
+                dictionary,
+                "--path",
+                "lasso",
+                "--scale",
+                "1",
+            ];
             lenslet(&[&all[..], more].concat());
             let sharp: Array5<f32> = ndarray_npy::read_npy(&out).unwrap();
             let view = sharp.index_axis(Axis(0), 0).index_axis(Axis(0), 0).to_owned();

@@ -48,11 +48,8 @@ fn calibrated(taken: &Taken, variant: CalibrationVariant) -> Calibration {
 
 /// The witness's colours are the sensor's own: nothing is done to them.
 fn decoded(taken: &Taken, calibration: &Calibration) -> HexSamples {
-    let mut options =
-        decode::Options { white_balance: WhiteBalance::Gains([1.0; 3]), ..decode::Options::default() };
-    options.steps.view.retain(|s| {
-        !matches!(s, ViewStep::ColourMatrix | ViewStep::ExposureBias | ViewStep::Gamut)
-    });
+    let mut options = decode::Options { white_balance: WhiteBalance::Gains([1.0; 3]), ..decode::Options::default() };
+    options.steps.view.retain(|s| !matches!(s, ViewStep::ColourMatrix | ViewStep::ExposureBias | ViewStep::Gamut));
     decode::sample_views(&taken.scene, calibration, &options, &Silent).unwrap()
 }
 
@@ -70,8 +67,7 @@ fn psnr(taken: &Taken, samples: &HexSamples, method: Method, (v, u): (usize, usi
 fn centres(taken: &Taken, found: &Calibration) -> (f64, f64) {
     let side = taken.camera.side as f64;
     let inside = |x: f64, y: f64| [x, y].iter().all(|v| (15.0..side - 15.0).contains(v));
-    let truth: Vec<[f64; 2]> =
-        taken.camera.micro_image_middles().into_iter().filter(|c| inside(c[0], c[1])).collect();
+    let truth: Vec<[f64; 2]> = taken.camera.micro_image_middles().into_iter().filter(|c| inside(c[0], c[1])).collect();
     let mut squares = Vec::new();
     for c in &truth {
         let near = found.lenslets.iter().map(|l| (l.x - c[0]).powi(2) + (l.y - c[1]).powi(2)).fold(f64::MAX, f64::min);

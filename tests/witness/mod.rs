@@ -217,7 +217,8 @@ impl Camera {
         light.par_iter_mut().enumerate().for_each(|(k, out)| {
             let (px, py) = (k % self.side, k / self.side);
             let channel = [[2, 1], [1, 0]][py % 2][px % 2];
-            let field = ((px as f64 - self.middle()).powi(2) + (py as f64 - self.middle()).powi(2)) / self.middle().powi(2);
+            let field =
+                ((px as f64 - self.middle()).powi(2) + (py as f64 - self.middle()).powi(2)) / self.middle().powi(2);
             let mut sum = 0.0;
             for (dy, wy) in rule {
                 for (dx, wx) in rule {

@@ -138,11 +138,8 @@ mod tests {
             origin: Default::default(),
         };
         let lattice = CameraLattice::of_calibration(&calibration, 200).unwrap();
-        let degradation = Degradation {
-            footprint: Footprint::Point,
-            lattice: Some(lattice.clone()),
-            ..Degradation::default()
-        };
+        let degradation =
+            Degradation { footprint: Footprint::Point, lattice: Some(lattice.clone()), ..Degradation::default() };
         let high = Array2::from_shape_fn((80, 90), |(y, x)| ((x * 7 + y * 13) % 11) as f32 / 11.0);
         let low = degrade_plane(high.view(), &degradation, &mut ChaCha8Rng::seed_from_u64(4)).unwrap();
         let mut same = ChaCha8Rng::seed_from_u64(4);

@@ -132,7 +132,10 @@ impl Imperfections {
             "real" if value.is_none() => *self = real,
             "ideal" if value.is_none() => *self = Imperfections::default(),
             _ => {
-                return Err(Error::Parameter(format!("no optics `{text}`: one of {}", Imperfections::NAMES.join(", "))));
+                return Err(Error::Parameter(format!(
+                    "no optics `{text}`: one of {}",
+                    Imperfections::NAMES.join(", ")
+                )));
             }
         }
         self.check()

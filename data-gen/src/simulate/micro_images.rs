@@ -93,8 +93,11 @@ impl<'a> MicroImages<'a> {
     /// Light at `offset` of the micro-image of the lenslet at `c`; `d2`: the offset's length squared.
     #[inline]
     fn light(&self, c: [f64; 2], offset: [f64; 2], d2: f64) -> f64 {
-        let light =
-            if self.size == 1.0 { self.camera.light_at(d2) } else { self.camera.light_at(d2 / (self.size * self.size)) };
+        let light = if self.size == 1.0 {
+            self.camera.light_at(d2)
+        } else {
+            self.camera.light_at(d2 / (self.size * self.size))
+        };
         let cut = self.camera.imperfections.cats_eye;
         if cut == 0.0 {
             return light;

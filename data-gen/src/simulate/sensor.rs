@@ -56,37 +56,44 @@ pub fn light_pattern(images: &MicroImages) -> Vec<f32> {
 /// Source: chosen.
 const SPOT_LEVELS: [f64; 5] = [0.5, 0.75, 1.0, 1.25, 1.5];
 
+/// Mean of `light` over a pixel's own extent: 3×3 positions.
+fn over_pixel(x: f64, y: f64, light: &dyn Fn(f64, f64) -> f64) -> f64 {
+    let mut sum = 0.0;
+    for dy in [-1.0, 0.0, 1.0] {
+        for dx in [-1.0, 0.0, 1.0] {
+            sum += light(x + dx / 3.0, y + dy / 3.0);
+        }
+    }
+    sum / 9.0
+}
+
+/// What full light is: that of one lenslet alone with its centre on a pixel, under the camera's own blur.
+fn full_light(camera: &Camera) -> f64 {
+    let reach = (4.0 * camera.optics.psf).ceil() as usize;
+    let kernel = gaussian(camera.optics.psf, reach);
+    let mut full = 0.0;
+    for (j, wy) in kernel.iter().enumerate() {
+        for (i, wx) in kernel.iter().enumerate() {
+            let (x, y) = (i as f64 - reach as f64, j as f64 - reach as f64);
+            full += f64::from(*wx) * f64::from(*wy) * over_pixel(x, y, &|x, y| camera.light_at(x * x + y * y));
+        }
+    }
+    full
+}
+
 /// The pattern under an optical blur of `sigma` pixels.
 fn blurred_light(images: &MicroImages, sigma: f64) -> Vec<f32> {
     let camera = images.camera();
     let (w, h) = camera.sensor;
     let reach = (4.0 * sigma).ceil() as usize;
     let kernel = gaussian(sigma, reach);
-    // The pixel's own extent: 3×3 positions.
-    let pixel = |x: f64, y: f64, light: &dyn Fn(f64, f64) -> f64| {
-        let mut sum = 0.0;
-        for dy in [-1.0, 0.0, 1.0] {
-            for dx in [-1.0, 0.0, 1.0] {
-                sum += light(x + dx / 3.0, y + dy / 3.0);
-            }
-        }
-        sum / 9.0
-    };
-    // The same for one lenslet alone with its centre on a pixel: what full light is.
-    let mut full = 0.0;
-    for (j, wy) in kernel.iter().enumerate() {
-        for (i, wx) in kernel.iter().enumerate() {
-            let (x, y) = (i as f64 - reach as f64, j as f64 - reach as f64);
-            full += f64::from(*wx) * f64::from(*wy) * pixel(x, y, &|x, y| camera.light_at(x * x + y * y));
-        }
-    }
-    let scale = (1.0 / full.max(1e-6)) as f32;
+    let scale = (1.0 / full_light(camera).max(1e-6)) as f32;
     // Rows with a rim above and below, already blurred along x.
     let mut across = vec![0f32; w * (h + 2 * reach)];
     across.par_chunks_mut(w).enumerate().for_each(|(r, line)| {
         let y = r as f64 - reach as f64;
         let wide: Vec<f32> = (0..w + 2 * reach)
-            .map(|c| pixel(c as f64 - reach as f64, y, &|x, y| images.seen_from(x, y).light) as f32)
+            .map(|c| over_pixel(c as f64 - reach as f64, y, &|x, y| images.seen_from(x, y).light) as f32)
             .collect();
         for (c, value) in line.iter_mut().enumerate() {
             *value = kernel.iter().zip(&wide[c..]).map(|(k, v)| k * v).sum();
@@ -143,8 +150,7 @@ pub fn expose_scene(
         }
         for (x, value) in line.iter_mut().enumerate() {
             let (mut sum, mut total) = ([0f32; 3], 0f32);
-            let rule =
-                if varied { rule(camera.optics.psf * images.seen_from(x as f64, y as f64).spot) } else { usual };
+            let rule = if varied { rule(camera.optics.psf * images.seen_from(x as f64, y as f64).spot) } else { usual };
             for (dy, wy) in rule {
                 for (dx, wx) in rule {
                     let (px, py) = (x as f64 + dx, y as f64 + dy);

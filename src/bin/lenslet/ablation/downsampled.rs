@@ -80,7 +80,10 @@ mod tests {
         let view = downsampled_views(&samples, &target, &[(0, 0)]).unwrap().remove(0);
         for t in 0..low.height {
             for s in 0..low.width {
-                let (x, y) = ((s as f64 + 0.5) * 120.0 / low.width as f64 - 0.5, (t as f64 + 0.5) * 100.0 / low.height as f64 - 0.5);
+                let (x, y) = (
+                    (s as f64 + 0.5) * 120.0 / low.width as f64 - 0.5,
+                    (t as f64 + 0.5) * 100.0 / low.height as f64 - 0.5,
+                );
                 let away = |k: usize| (samples.centres[k][0] - x).hypot(samples.centres[k][1] - y);
                 let k = view[[t, s, 0]].round() as usize;
                 assert!((view[[t, s, 0]] - k as f32).abs() < 1e-4);

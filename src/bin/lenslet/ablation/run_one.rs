@@ -94,10 +94,8 @@ fn run_simulated(
     scored.step_seconds = views.seconds;
     let images = views.images;
 
-    if matches!(
-        run.experiment,
-        Experiment::Calibration | Experiment::Subpixel | Experiment::Noise | Experiment::Paper
-    ) {
+    if matches!(run.experiment, Experiment::Calibration | Experiment::Subpixel | Experiment::Noise | Experiment::Paper)
+    {
         let centres: Vec<[f64; 2]> = calibration.lenslets.iter().map(|l| [l.x, l.y]).collect();
         scored.scores.insert("centres_rms".into(), scores::centres_rms(&centres, &capture.simulation.centres));
     }
