@@ -140,7 +140,7 @@ mod tests {
 
     #[test]
     fn a_fingerprint_tells_numbers_apart() {
-        for length in [0, 1, 5000, 300_000, 1_000_000] {
+        for length in [0usize, 1, 5000, 300_000, 1_000_000] {
             let bytes: Vec<u8> = (0..length).map(|k| (k * 7 % 251) as u8).collect();
             let own = fingerprint_of(&bytes);
             assert_eq!(own, fingerprint_of(&bytes));

@@ -1,6 +1,6 @@
 //! Small sound files of every kind to be damaged, and what is asked of whoever reads them.
 
-#![allow(dead_code)] // every test file uses a part
+#![allow(dead_code, clippy::print_stdout)] // every test file uses a part, and says what it did
 
 use std::fs;
 use std::hash::{DefaultHasher, Hash, Hasher};
