@@ -309,9 +309,9 @@ fn algorithm1_as_printed_works_and_is_less_accurate() {
     };
     let (full, best) = run(CalibrationVariant::Full);
     let (paper, rms) = run(CalibrationVariant::Paper);
-    // Better than the lattice alone, by what erosion and paraboloids measure of every lenslet.
+    // Better than the lattice alone, by what erosion and paraboloids measure of every lenslet: 0.063 against 0.146 px.
     let on_lattice = found_on_lattice(&paper, &truth);
-    assert!(rms < 0.125 && rms < 0.9 * on_lattice && rms > best, "paper {rms}, lattice {on_lattice}, full {best}");
+    assert!(rms < 0.08 && rms < 0.6 * on_lattice && rms > best, "paper {rms}, lattice {on_lattice}, full {best}");
     let index = |c: &Calibration| c.lenslets.iter().map(|l| [l.i, l.j]).collect::<std::collections::HashSet<_>>();
     assert!(index(&full).symmetric_difference(&index(&paper)).count() < 40);
     let (integer, rms) = run(CalibrationVariant::Integer);
