@@ -35,6 +35,8 @@ const MAGIC_HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
 const HEADER: u64 = 128;
 /// The variable that holds the description.
 const DESCRIPTION: &str = "lenslet";
+/// Bytes behind the numbers of an array that are looked at.
+const MAX_PADDING: u64 = 64;
 /// Most variables looked at.
 const MAX_VARIABLES: usize = 10_000;
 /// Most dimensions of an array.
@@ -302,8 +304,12 @@ fn read_numbers(file: &mut File, path: &Path, place: Place, big: bool, count: u6
     read_array_header(&mut inside, big).map_err(short)?;
     // Grows with the bytes there are, not with the length in the header.
     let mut bytes = Vec::new();
-    inside.take(count).read_to_end(&mut bytes).map_err(short)?;
+    inside.by_ref().take(count).read_to_end(&mut bytes).map_err(short)?;
     if bytes.len() as u64 == count {
+        // Padding, behind which a compressed stream compares its checksum.
+        if place.compressed {
+            inside.take(MAX_PADDING).read_to_end(&mut Vec::new()).map_err(short)?;
+        }
         Ok(bytes)
     } else {
         Err(malformed(path, "the numbers of its light field end early"))
