@@ -15,7 +15,7 @@ use lenslet_core::metrics::BORDER;
 use lenslet_core::progress::{Observer, Silent};
 use lenslet_data_gen::pairs::Crop;
 use lenslet_data_gen::photo::PhotoSet;
-use lenslet_data_gen::simulate::{self, Camera, LensletGrid, Scene, SceneName};
+use lenslet_data_gen::simulate::{self, Camera, LensletGrid, Scene, SceneName, SceneUse};
 use ndarray::{Array2, s};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -28,8 +28,8 @@ use lenslet_views::reconstruct::Measurements;
 
 /// Photos that share a scene.
 const PHOTOS: usize = 3;
-/// Drawn scenes, in turn: photos hardly have thin things before others, letters and sharp edges.
-const DRAWN: [SceneName; 4] = [SceneName::Natural, SceneName::Chart, SceneName::Occluders, SceneName::Planes];
+/// Drawn scenes, in turn: photos hardly have thin things before others, letters and sharp edges. None of them is scored.
+const DRAWN: SceneUse = SceneUse::Training;
 /// Index of the first drawn scene, beyond those of photos.
 const AFTER_PHOTOS: usize = 100_000;
 /// Views a side of a capture.
@@ -83,9 +83,8 @@ pub fn captured_crops(
             observer.advance(1);
         }
     }
-    for k in 0..drawn {
+    for (k, kind) in SceneName::of_use(DRAWN).collect::<Vec<_>>().into_iter().cycle().take(drawn).enumerate() {
         observer.check()?;
-        let kind = DRAWN[k % DRAWN.len()];
         let draw = |camera: &Camera, disparity, seed| Scene::named(kind, camera, Some(disparity), seed, &Silent);
         let failed = |e: CaptureError| Error::Crops(format!("a simulated capture of the scene {}: {e}", kind.name()));
         let index = AFTER_PHOTOS + k;

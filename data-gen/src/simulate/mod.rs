@@ -26,6 +26,7 @@ mod pixels;
 mod scene;
 mod scene_name;
 mod sensor;
+mod training_scenes;
 mod truth;
 mod write;
 
@@ -42,7 +43,7 @@ pub use options::{SimulationOptions, TruthOptions};
 pub use photo_scene::photo_scene;
 pub use pixels::disturb_signal;
 pub use scene::Scene;
-pub use scene_name::SceneName;
+pub use scene_name::{SceneName, SceneUse};
 pub use sensor::{expose_scene, expose_white, light_pattern, record_mosaic, white_pattern};
 pub use truth::{output_size, true_disparity, true_view, view_offset};
 pub use write::write_simulation;

@@ -8,7 +8,7 @@ use super::description::{Bounds, Canvas, Region, SceneDescription};
 use super::error::Error;
 use super::layer::Layer;
 use super::scene_name::SceneName;
-use super::{chart, painting};
+use super::{chart, painting, training_scenes};
 
 /// A rasterised scene, from which any view can be rendered.
 #[derive(Debug, Clone)]
@@ -60,6 +60,8 @@ impl Scene {
             SceneName::White => chart::white(),
             SceneName::Chart => chart::resolution(&canvas),
             SceneName::Colour => chart::colour(&canvas),
+            SceneName::Collage => training_scenes::collage(&canvas),
+            SceneName::Thicket => training_scenes::thicket(&canvas),
         };
         Scene::from_description(name.name(), camera, &canvas, &description, observer)
     }
