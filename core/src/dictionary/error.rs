@@ -52,6 +52,23 @@ pub enum Error {
     /// A parameter out of range, or shapes that do not fit each other.
     #[error("{0}")]
     Parameter(String),
+    /// A predictor was asked for by name that the model does not hold.
+    #[error("the dictionary has no {wanted}; it has {held}")]
+    NoPredictor {
+        /// What was asked for.
+        wanted: &'static str,
+        /// The names of what there is.
+        held: String,
+    },
+    /// A network was asked for where its side inputs are not available.
+    #[error(
+        "the network needs {inputs} interpolations of the view's own samples, which are not there: \
+         samples.npz belongs beside the light field"
+    )]
+    NoSideInputs {
+        /// Which interpolations it takes.
+        inputs: String,
+    },
     /// The sparse solver refused its input.
     #[error(transparent)]
     Sparse(#[from] crate::sparse::Error),

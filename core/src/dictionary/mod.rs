@@ -7,8 +7,8 @@
 //!    `F` (m × support²) are gradients of first and second order followed by their principal components (Zeyde 2010),
 //!    folded into one matrix; every row of `F` sums to zero, so the mean of the window does not matter;
 //! 2. norm: `n = max(‖f‖, floor)`, `y = f/n`;
-//! 3. code: φ = argmin ½‖y − Dlᵀφ‖² + λ‖φ‖₁ (eq. (4)), or its replacement by anchored regression (A+) or a small
-//!    network;
+//! 3. code: φ = argmin ½‖y − Dlᵀφ‖² + λ‖φ‖₁ (eq. (4)), or its replacement by anchored regression (A+), a small network,
+//!    one ridge regressor or no codes at all;
 //! 4. residual patch `n·Dhᵀφ` (`patch`² values), added to the low image where patches overlap by weighted mean.
 //!
 //! The mean of the patch comes from the low image, since the residual high − low is what is learned.

@@ -4,6 +4,7 @@
 use ndarray::{Array1, Array2, Array3};
 use serde::{Deserialize, Serialize};
 
+use super::error::Error;
 use super::recipe::Recipe;
 use crate::interpolation::Interpolation;
 
@@ -32,14 +33,52 @@ impl std::fmt::Display for Footprint {
 /// How the residual of a patch is predicted from the features of its window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PatchPredictor {
-    /// LASSO code of eq. (4), then Dh.
-    Lasso,
-    /// The regressor of the nearest anchor (A+); models without anchors use the LASSO code.
-    Anchored,
+    /// Not at all: every residual is zero. The opponent that shows what the dictionary itself is worth.
+    NoCodes,
     /// One ridge regressor for all patches.
     Ridge,
-    /// The network; models without one, or calls without its side inputs, use the LASSO code.
+    /// The regressor of the nearest anchor (A+).
+    Anchored,
+    /// LASSO code of eq. (4), then Dh.
+    Lasso,
+    /// The network.
     Network,
+}
+
+impl PatchPredictor {
+    /// All of them, in the order of tables.
+    pub const ALL: [PatchPredictor; 5] = [
+        PatchPredictor::NoCodes,
+        PatchPredictor::Ridge,
+        PatchPredictor::Anchored,
+        PatchPredictor::Lasso,
+        PatchPredictor::Network,
+    ];
+
+    /// The name in tables, descriptions and messages.
+    ///
+    /// ```
+    /// use lenslet_core::dictionary::PatchPredictor;
+    ///
+    /// let names = PatchPredictor::ALL.map(PatchPredictor::name);
+    /// assert_eq!(names, ["no codes", "ridge", "anchored", "LASSO", "network"]);
+    /// ```
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            PatchPredictor::NoCodes => "no codes",
+            PatchPredictor::Ridge => "ridge",
+            PatchPredictor::Anchored => "anchored",
+            PatchPredictor::Lasso => "LASSO",
+            PatchPredictor::Network => "network",
+        }
+    }
+}
+
+impl std::fmt::Display for PatchPredictor {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
 }
 
 /// Regressors anchored at unit vectors of the feature space (A+, Timofte 2014).
@@ -136,6 +175,36 @@ pub struct ModelKind {
     pub base: Interpolation,
     /// Output pixels between neighbouring samples of a row; for [`Footprint::Grid`] the factor of enlargement.
     pub pitch: f64,
+}
+
+impl PatchModel {
+    /// Whether it holds what a predictor needs.
+    #[must_use]
+    pub fn has(&self, predictor: PatchPredictor) -> bool {
+        match predictor {
+            PatchPredictor::NoCodes | PatchPredictor::Ridge | PatchPredictor::Lasso => true,
+            PatchPredictor::Anchored => self.anchored.is_some(),
+            PatchPredictor::Network => self.network.is_some(),
+        }
+    }
+
+    /// The predictors it holds, in the order of [`PatchPredictor::ALL`].
+    pub fn predictors(&self) -> impl Iterator<Item = PatchPredictor> {
+        PatchPredictor::ALL.into_iter().filter(|p| self.has(*p))
+    }
+
+    /// Checks that it holds what a predictor needs.
+    ///
+    /// # Errors
+    /// [`Error::NoPredictor`], which names what there is.
+    pub fn require(&self, wanted: PatchPredictor) -> Result<(), Error> {
+        if self.has(wanted) {
+            return Ok(());
+        }
+        let held: Vec<&str> = self.predictors().map(PatchPredictor::name).collect();
+        let wanted = if wanted == PatchPredictor::Anchored { "anchored regressors" } else { wanted.name() };
+        Err(Error::NoPredictor { wanted, held: held.join(", ") })
+    }
 }
 
 impl Model {

@@ -34,15 +34,14 @@ pub struct PlaneReconstructor {
     model: Arc<Model>,
     options: ReconstructionOptions,
     predictor: Arc<dyn PredictPatches>,
-    /// For calls without the side inputs of `predictor`, where it has any.
-    without_side_inputs: Option<Arc<dyn PredictPatches>>,
 }
 
 impl PlaneReconstructor {
     /// Prepares a copy of a model.
     ///
     /// # Errors
-    /// [`Error::Parameter`] for options out of range; [`Error::Sparse`] for atoms that the solver refuses.
+    /// [`Error::Parameter`] for options out of range; [`Error::NoPredictor`] for a predictor that the model does not
+    /// hold; [`Error::Sparse`] for atoms that the solver refuses.
     pub fn new(model: &Model, options: &ReconstructionOptions) -> Result<Self, Error> {
         options.check()?;
         let parts = &model.patch_model;
@@ -55,8 +54,7 @@ impl PlaneReconstructor {
         }
         let model = Arc::new(model.clone());
         let predictor = predict::prepare(&model, options)?;
-        let without_side_inputs = predict::prepare_without_side_inputs(predictor.as_ref(), &model, options)?;
-        Ok(PlaneReconstructor { model, options: options.clone(), predictor, without_side_inputs })
+        Ok(PlaneReconstructor { model, options: options.clone(), predictor })
     }
 
     /// The model in use.
@@ -74,11 +72,12 @@ impl PlaneReconstructor {
     /// Reconstructs a plane (t, s) of luminance, sRGB-encoded, 0..1. The result is not clamped.
     ///
     /// `low` is the low image, `side_inputs` are images of the same size in the order of
-    /// [`PlaneReconstructor::side_inputs`]; without them, LASSO codes are used instead of the network. Values that are
-    /// not finite count as 0. Memory: about ten planes.
+    /// [`PlaneReconstructor::side_inputs`]; further ones are not looked at. Values that are not finite count as 0.
+    /// Memory: about ten planes.
     ///
     /// # Errors
-    /// [`Error::Parameter`] for side inputs of another size; what the sparse solver reports.
+    /// [`Error::NoSideInputs`] where the network's are missing; [`Error::Parameter`] for side inputs of another size;
+    /// what the sparse solver reports.
     pub fn reconstruct_plane(
         &self,
         low: ArrayView2<'_, f32>,
@@ -91,6 +90,12 @@ impl PlaneReconstructor {
                 low.dim()
             )));
         }
+        let taken = self.side_inputs();
+        if side_inputs.len() < taken.len() {
+            let names: Vec<&str> = taken.iter().map(|i| i.name()).collect();
+            return Err(Error::NoSideInputs { inputs: names.join(" and ") });
+        }
+        let side_inputs = &side_inputs[..taken.len()];
         let finite = |v: f32| if v.is_finite() { v } else { 0.0 };
         let mut sum = Array2::<f32>::zeros(low.dim());
         if low.is_empty() {
@@ -110,14 +115,10 @@ impl PlaneReconstructor {
 
     /// One mirrored copy: the low image, then the side inputs there are.
     fn reconstruct_copy(&self, planes: &[Array2<f32>]) -> Result<Array2<f32>, Error> {
-        let predictor = match &self.without_side_inputs {
-            Some(other) if self.side_inputs().len() + 1 > planes.len() => other,
-            _ => &self.predictor,
-        };
+        let predictor = &self.predictor;
         let (low, margin) = (&planes[0], predictor.support() / 2);
         let mut padded = vec![pad_mirrored(low.view(), margin)];
-        let sides = planes[1..].iter().take(predictor.side_inputs().len());
-        padded.extend(sides.map(|side| pad_mirrored((side - low).view(), margin)));
+        padded.extend(planes[1..].iter().map(|side| pad_mirrored((side - low).view(), margin)));
         add_residuals(low, predictor.patch(), self.options.step, self.options.spread, &|centres| {
             // A window's top left corner in the padded plane is where its centre is in the plane.
             predictor.predict(&padded, centres)
@@ -157,6 +158,7 @@ mod tests {
                 );
                 let norm = f.row(0).dot(&f.row(0)).sqrt().max(parts.floor);
                 let patch = match predictor {
+                    PatchPredictor::NoCodes => ndarray::Array1::zeros(p * p),
                     PatchPredictor::Ridge | PatchPredictor::Network => f.row(0).dot(&parts.ridge),
                     PatchPredictor::Anchored => {
                         let a = parts.anchored.as_ref().unwrap();
@@ -193,7 +195,9 @@ mod tests {
     #[test]
     fn bands_equal_the_definition() {
         let model = &small_dictionary(4).models[0];
-        for predictor in [PatchPredictor::Lasso, PatchPredictor::Anchored, PatchPredictor::Ridge] {
+        for predictor in
+            [PatchPredictor::Lasso, PatchPredictor::Anchored, PatchPredictor::Ridge, PatchPredictor::NoCodes]
+        {
             for (h, w, step) in [(31, 23, 2), (20, 41, 1), (9, 9, 3), (1, 12, 2), (1, 1, 1)] {
                 let low = plane(h, w);
                 let options = ReconstructionOptions { predictor, step, ..ReconstructionOptions::default() };
@@ -208,28 +212,27 @@ mod tests {
     }
 
     #[test]
-    fn the_network_replaces_the_code_where_it_has_its_side_inputs() {
+    fn the_network_takes_its_side_inputs_and_is_replaced_by_nothing() {
         let mut model = small_dictionary(4).models[0].clone();
         let lasso = PlaneReconstructor::new(&model, &ReconstructionOptions::default()).unwrap();
         let options =
             ReconstructionOptions { predictor: PatchPredictor::Network, step: 1, ..ReconstructionOptions::default() };
         let low = plane(21, 26);
         let other = low.mapv(|v| v * v);
-        let plain =
-            PlaneReconstructor::new(&model, &ReconstructionOptions { step: 1, ..ReconstructionOptions::default() })
-                .unwrap();
-        // Without a network the LASSO code is used.
-        let without = PlaneReconstructor::new(&model, &options).unwrap();
-        assert!(without.side_inputs().is_empty());
-        assert_eq!(
-            without.reconstruct_plane(low.view(), &[]).unwrap(),
-            plain.reconstruct_plane(low.view(), &[]).unwrap()
-        );
+        // A model without a network, or without anchors, says so and what it has.
+        let refused = PlaneReconstructor::new(&model, &options).unwrap_err();
+        assert_eq!(refused.to_string(), "the dictionary has no network; it has no codes, ridge, anchored, LASSO");
+        let mut bare = model.clone();
+        bare.patch_model.anchored = None;
+        let anchored =
+            ReconstructionOptions { predictor: PatchPredictor::Anchored, ..ReconstructionOptions::default() };
+        let refused = PlaneReconstructor::new(&bare, &anchored).unwrap_err().to_string();
+        assert_eq!(refused, "the dictionary has no anchored regressors; it has no codes, ridge, LASSO");
         let network = random_network(5, &[Interpolation::Cubic]);
         model.patch_model.network = Some(network.clone());
         let r = PlaneReconstructor::new(&model, &options).unwrap();
         assert_eq!((r.side_inputs(), lasso.side_inputs()), (&[Interpolation::Cubic][..], &[][..]));
-        assert_eq!(r.reconstruct_plane(low.view(), &[]).unwrap(), plain.reconstruct_plane(low.view(), &[]).unwrap());
+        assert!(matches!(r.reconstruct_plane(low.view(), &[]), Err(Error::NoSideInputs { .. })));
         assert!(r.reconstruct_plane(low.view(), &[plane(3, 3)]).is_err());
         assert!(PlaneReconstructor::new(&model, &ReconstructionOptions { step: 4, ..options.clone() }).is_err());
         // With a network, the mean of the patches that the definition gives.

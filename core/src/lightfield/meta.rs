@@ -42,6 +42,10 @@ pub struct Meta {
     /// How the views were made, where known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub method: Option<ViewOrigin>,
+    /// What predicted the detail of views that are learned: `LASSO`, `network`, `anchored`, `ridge`, `no codes`, or two
+    /// of them joined by ` and `.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub predictor: Option<String>,
     /// What was done, oldest first: free JSON objects (tool, version, parameters, source hashes).
     #[serde(default)]
     pub provenance: Vec<serde_json::Value>,
@@ -68,6 +72,7 @@ impl Meta {
             rotation: None,
             weights: None,
             method: None,
+            predictor: None,
             provenance: Vec::new(),
         }
     }

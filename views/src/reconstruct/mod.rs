@@ -20,6 +20,6 @@ pub use embedded::{
 pub use light_field::{Enlargement, reconstruct_light_field};
 pub use measurements::Measurements;
 pub use options::{Mode, Options};
-pub use plan::Plan;
+pub use plan::{Available, Plan};
 pub use reconstructor::Reconstructor;
 pub use sampling_operator::{SamplingOperator, back_project};

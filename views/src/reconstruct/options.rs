@@ -1,25 +1,29 @@
 //! Options of learned reconstruction.
 
-use lenslet_core::dictionary::Footprint;
+use lenslet_core::dictionary::{Footprint, PatchPredictor};
 
 /// How much work reconstruction does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
-    /// The LASSO codes of eq. (4); for refined views the dictionary's network, where it has one.
+    /// The LASSO codes of eq. (4); for refined views the dictionary's network, where it has one and its inputs are
+    /// available.
     Learned,
-    /// Anchored regressors, for refined views the network; patches further apart.
+    /// Anchored regressors, for refined views the network; patches further apart. The LASSO codes where the dictionary
+    /// has neither.
     Fast,
     /// As `Learned`, averaged over four mirrored copies of the view; of interpolated views the mean of the LASSO codes
     /// and the network, where there is one.
     Best,
-    /// One ridge regressor for all patches: what a linear filter alone gives.
-    Ridge,
     /// The LASSO codes, whatever the view.
     Lasso,
     /// The network, whatever the view.
     Network,
     /// Anchored regressors.
     Anchored,
+    /// One ridge regressor for all patches: what a linear filter alone gives.
+    Ridge,
+    /// No codes at all: measured samples are put back and colours guided, and nothing is learned.
+    NoCodes,
 }
 
 impl Mode {
@@ -30,10 +34,23 @@ impl Mode {
             Mode::Learned => "learned",
             Mode::Fast => "fast",
             Mode::Best => "best",
-            Mode::Ridge => "ridge",
             Mode::Lasso => "lasso",
             Mode::Network => "network",
             Mode::Anchored => "anchored",
+            Mode::Ridge => "ridge",
+            Mode::NoCodes => "no-codes",
+        }
+    }
+
+    /// The mode of one predictor.
+    #[must_use]
+    pub fn of(predictor: PatchPredictor) -> Mode {
+        match predictor {
+            PatchPredictor::NoCodes => Mode::NoCodes,
+            PatchPredictor::Ridge => Mode::Ridge,
+            PatchPredictor::Anchored => Mode::Anchored,
+            PatchPredictor::Lasso => Mode::Lasso,
+            PatchPredictor::Network => Mode::Network,
         }
     }
 }

@@ -8,7 +8,7 @@ use ndarray::{Array2, Array3, ArrayView2};
 
 use super::guided;
 use super::options::Options;
-use super::plan::Plan;
+use super::plan::{Available, Plan};
 
 /// A dictionary's model made ready for views.
 ///
@@ -33,15 +33,27 @@ pub struct Reconstructor {
 }
 
 impl Reconstructor {
-    /// Prepares the model for the footprint of `options`.
+    /// Prepares the model for the footprint of `options`, for views of which nothing else is known.
     ///
     /// # Errors
-    /// Options out of range for this dictionary.
+    /// Options out of range for this dictionary; a predictor that it does not hold.
     pub fn new(dictionary: &Dictionary, options: &Options) -> Result<Self, dictionary::Error> {
+        Reconstructor::with(dictionary, options, Available::ViewAlone)
+    }
+
+    /// The same for views of which more may be available.
+    ///
+    /// # Errors
+    /// As [`Reconstructor::new`].
+    pub fn with(
+        dictionary: &Dictionary,
+        options: &Options,
+        available: Available,
+    ) -> Result<Self, dictionary::Error> {
         let model = dictionary
             .model(options.footprint)
             .ok_or_else(|| dictionary::Error::Parameter("the dictionary holds no model".into()))?;
-        let plan = Plan::new(model, options);
+        let plan = Plan::new(model, options, available)?;
         let prepared = |predictor| {
             let options = ReconstructionOptions {
                 predictor,
@@ -74,7 +86,10 @@ impl Reconstructor {
     /// Interpolations of a view's own samples that are inputs besides the view.
     #[must_use]
     pub fn side_inputs(&self) -> &[Interpolation] {
-        self.first.side_inputs()
+        match (self.first.side_inputs(), &self.second) {
+            ([], Some(second)) => second.side_inputs(),
+            (inputs, _) => inputs,
+        }
     }
 
     /// Half the side of the windows in which colours are smoothed, pixels: about the pitch.
@@ -83,11 +98,10 @@ impl Reconstructor {
     }
 
     /// Reconstructs a plane (t, s) of sRGB-encoded luminance, 0..1, given the images that
-    /// [`Reconstructor::side_inputs`] names, in that order (none: the LASSO codes take the network's place). The result
-    /// is not clamped.
+    /// [`Reconstructor::side_inputs`] names, in that order. The result is not clamped.
     ///
     /// # Errors
-    /// Errors of the solver; images of another size or number.
+    /// Errors of the solver; images that are missing or of another size.
     pub fn reconstruct_plane(
         &self,
         low: ArrayView2<'_, f32>,

@@ -17,7 +17,7 @@ use lenslet_core::sampling::bicubic;
 
 use super::working_size::working_size;
 use crate::Error;
-use crate::reconstruct::{DataConsistent, Options, Plan, Reconstructor};
+use crate::reconstruct::{Available, DataConsistent, Options, Plan, Reconstructor};
 
 /// Learned reconstruction prepared for views that one interpolation made of these samples.
 pub struct LearnedViews<'a> {
@@ -49,7 +49,9 @@ impl<'a> LearnedViews<'a> {
         options: &Options,
         observer: &dyn Observer,
     ) -> Result<Self, Error> {
-        let reconstructor = Reconstructor::new(dictionary, options)?;
+        let alone = interpolation == Interpolation::Bicubic;
+        let available = if alone { Available::ViewAlone } else { Available::Samples };
+        let reconstructor = Reconstructor::with(dictionary, options, available)?;
         let plan = reconstructor.plan();
         let (trained, pitch) = (reconstructor.model().base, reconstructor.model().pitch);
         if (trained == Interpolation::Multiview) != (interpolation == Interpolation::Multiview) {
@@ -64,7 +66,7 @@ impl<'a> LearnedViews<'a> {
                 working.width, working.height
             ));
         }
-        let step = if interpolation == Interpolation::Bicubic {
+        let step = if alone {
             Step::Alone(Box::new(reconstructor))
         } else {
             let size = (working.width, working.height);

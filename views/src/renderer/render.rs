@@ -143,6 +143,7 @@ impl<'a> Renderer<'a> {
         meta.weights = Some(samples.weights.clone());
         meta.pitch = Some(mean_pitch(samples) * self.size.width as f64 / samples.sensor.0 as f64);
         meta.method = Some(self.method.into());
+        meta.predictor = self.plan().map(|plan| plan.to_string());
         meta
     }
 

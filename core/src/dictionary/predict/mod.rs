@@ -3,6 +3,7 @@
 mod anchored;
 mod lasso;
 mod network;
+mod no_codes;
 mod predictor;
 mod ridge;
 
@@ -16,19 +17,18 @@ pub use anchored::nearest_anchors;
 pub use network::network_inputs;
 pub(super) use predictor::PredictPatches;
 
-/// The predictor that `options` select, or the LASSO codes where the model has no such predictor.
+/// The predictor that `options` select.
 ///
 /// # Errors
-/// Atoms that the sparse solver refuses.
+/// A predictor that the model does not hold; atoms that the sparse solver refuses.
 pub(super) fn prepare(model: &Arc<Model>, options: &ReconstructionOptions) -> Result<Arc<dyn PredictPatches>, Error> {
-    let parts = &model.patch_model;
+    model.patch_model.require(options.predictor)?;
     Ok(match options.predictor {
-        PatchPredictor::Anchored if parts.anchored.is_some() => {
-            Arc::new(anchored::AnchoredRegressors::new(model, options.flat))
-        }
-        PatchPredictor::Network if parts.network.is_some() => Arc::new(network::PatchNetwork::new(model)),
+        PatchPredictor::NoCodes => Arc::new(no_codes::NoCodes::new(model)),
         PatchPredictor::Ridge => Arc::new(ridge::RidgeRegressor::new(model)),
-        _ => Arc::new(lasso::LassoCodes::new(model, options)?),
+        PatchPredictor::Anchored => Arc::new(anchored::AnchoredRegressors::new(model, options.flat)),
+        PatchPredictor::Lasso => Arc::new(lasso::LassoCodes::new(model, options)?),
+        PatchPredictor::Network => Arc::new(network::PatchNetwork::new(model)),
     })
 }
 
@@ -41,21 +41,6 @@ pub(super) fn check_predictors(parts: &PatchModel) -> Result<(), Error> {
         anchored::check_anchored(anchored, parts.filters.nrows(), parts.patch * parts.patch)?;
     }
     parts.network.as_ref().map_or(Ok(()), network::check_network)
-}
-
-/// The predictor for calls that lack side inputs, where `first` has any.
-///
-/// # Errors
-/// As [`prepare`].
-pub(super) fn prepare_without_side_inputs(
-    first: &dyn PredictPatches,
-    model: &Arc<Model>,
-    options: &ReconstructionOptions,
-) -> Result<Option<Arc<dyn PredictPatches>>, Error> {
-    if first.side_inputs().is_empty() {
-        return Ok(None);
-    }
-    Ok(Some(Arc::new(lasso::LassoCodes::new(model, options)?)))
 }
 
 #[cfg(test)]

@@ -20,10 +20,12 @@ use lenslet_core::lightfield::{self, Format, Meta, View};
 use lenslet_core::output::Kind;
 use lenslet_core::progress::Observer;
 use lenslet_views::multiview::Fit;
+use lenslet_views::reconstruct::{self, Available, Plan};
 use lenslet_views::{Learned, Method, Renderer, native_size};
 use serde_json::{Value, json};
 
 use super::learned::LearnedArgs;
+use super::source::file_name;
 use super::values::FitName;
 use super::written::{Written, check_output, kind_of};
 use super::{Context, Outcome, Usage, dict};
@@ -266,6 +268,12 @@ impl Args {
         self.base.unwrap_or(Interpolation::Barycentric)
     }
 
+    /// The dictionary's name, or its file.
+    fn dictionary_name(&self) -> String {
+        let embedded = || reconstruct::embedded_name_for(self.base()).to_owned();
+        self.learned.dictionary.as_ref().map_or_else(embedded, |file| file.display().to_string())
+    }
+
     /// The interpolation that views are made of, or start from.
     fn interpolation(&self) -> Interpolation {
         match self.method {
@@ -283,8 +291,14 @@ impl Args {
         match self.method {
             MethodName::Interpolation(_) => Ok(interpolated),
             MethodName::Learned => {
-                let dictionary = self.learned.dictionary.as_deref().map(dict::find).transpose()?.map(Arc::new);
+                let name = self.dictionary_name();
+                let dictionary = Arc::new(dict::find(Path::new(&name))?);
                 let options = self.learned.options();
+                // Before any capture is read.
+                if let Some(model) = dictionary.model(options.footprint) {
+                    Plan::new(model, &options, Available::Samples).with_context(|| format!("dictionary {name}"))?;
+                }
+                let dictionary = Some(dictionary);
                 Ok(interpolated.learned_with(Learned { dictionary, options }))
             }
         }
@@ -383,14 +397,24 @@ fn decode_one(
     let options = args.decode_options(&capture);
     let samples = decode::sample_views(&capture, calibration, &options, progress)
         .with_context(|| job.capture.display().to_string())?;
-    let meta = describe_views(args, job, &capture, calibration, &samples, &options, &reason);
+    let mut meta = describe_views(args, job, &capture, calibration, &samples, &options, &reason);
     let source = capture.source_sha256.clone();
     drop(capture);
     let sampled = started.elapsed();
     let size = meta.size;
-    let mut sink = lightfield::create(&job.out, meta, job.format, args.written.force)?;
     let target = Size { width: size[1], height: size[0] };
     let renderer = Renderer::prepare(&samples, method, target, progress)?;
+    let predictor = renderer.plan().map(|plan| plan.to_string());
+    if let Some(predictor) = &predictor {
+        let (base, dictionary) = (args.base(), args.dictionary_name());
+        progress.note(&format!("{base} views are reconstructed by: {predictor} (dictionary {dictionary})"));
+        if let Some(Value::Object(last)) = meta.provenance.last_mut() {
+            last.insert("dictionary".into(), file_name(Path::new(&dictionary)).into());
+            last.insert("predictor".into(), predictor.clone().into());
+        }
+    }
+    meta.predictor = predictor.clone();
+    let mut sink = lightfield::create(&job.out, meta, job.format, args.written.force)?;
     let mut writing = std::time::Duration::ZERO;
     let mut origin = SamplesOrigin { capture_sha256: source, middle_view: None };
     let mut put = |v: usize, u: usize, view: View| -> anyhow::Result<()> {
@@ -421,6 +445,7 @@ fn decode_one(
         "out": job.out.display().to_string(),
         "calibration": reason,
         "method": args.method.name(),
+        "predictor": predictor,
         "views": [args.views, args.views],
         "size": size,
         "lenslets": samples.centres.len(),
@@ -494,13 +519,14 @@ fn describe(report: &Value) -> String {
     let seconds = report["seconds"]["total"].as_f64().unwrap_or(0.0);
     let share = report["seconds"]["encode_and_write"].as_f64().unwrap_or(0.0) / seconds.max(1e-9);
     format!(
-        "{}\n{}x{} views of {}x{} pixels by {}, from {} lenslets, in {seconds:.1} s ({:.0} % encoding and writing)",
+        "{}\n{}x{} views of {}x{} pixels by {}{}, from {} lenslets, in {seconds:.1} s ({:.0} % encoding and writing)",
         report["out"].as_str().unwrap_or_default(),
         report["views"][0],
         report["views"][1],
         size[1],
         size[0],
         report["method"].as_str().unwrap_or_default(),
+        report["predictor"].as_str().map(|p| format!(" ({p})")).unwrap_or_default(),
         report["lenslets"],
         100.0 * share,
     )

@@ -2,11 +2,12 @@
 
 use std::path::PathBuf;
 
+use anyhow::Context as _;
 use lenslet_core::dictionary::Footprint;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{self, Meta, ViewOrigin};
 use lenslet_core::progress::Observer;
-use lenslet_views::reconstruct::{self, Enlargement, Options, Reconstructor};
+use lenslet_views::reconstruct::{self, Available, Enlargement, Options, Reconstructor};
 use serde_json::json;
 
 use super::belong;
@@ -64,7 +65,19 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let found = dict::find(&name)?;
     let options = Options { footprint, ..args.learned.options() };
     let mode = options.mode.name();
-    let reconstructor = Reconstructor::new(&found, &options)?;
+    // Samples belong to views of the size that they were interpolated at.
+    let enlarged = args.scale.map_or(meta.pitch.is_none(), |scale| scale != 1.0);
+    let of_samples = matches!(meta.method, Some(ViewOrigin::Interpolated(i)) if i != Interpolation::Bicubic);
+    let samples = if of_samples && !enlarged {
+        measured_samples(&args.source.input, &*source, args.without_samples)?
+    } else {
+        None
+    };
+    let available = if samples.is_some() { Available::Samples } else { Available::ViewAlone };
+    let reconstructor = Reconstructor::with(&found, &options, available)
+        .with_context(|| format!("dictionary {}", name.display()))?;
+    let predictor = reconstructor.plan().to_string();
+    context.progress.note(&format!("views are reconstructed by: {predictor} (dictionary {})", name.display()));
     let model = reconstructor.model();
     if model.footprint != footprint {
         context
@@ -90,18 +103,12 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     meta.pitch = Some(pitch);
     meta.colour = args.written.colour();
     meta.method = Some(ViewOrigin::Learned);
+    meta.predictor = Some(predictor.clone());
     meta.provenance.push(json!({
         "tool": "lenslet", "version": env!("CARGO_PKG_VERSION"), "command": "infer",
         "input": args.source.name(),
-        "dictionary": file_name(&name), "mode": mode, "footprint": model.footprint, "scale": scale,
+        "dictionary": file_name(&name), "mode": mode, "predictor": predictor, "footprint": model.footprint, "scale": scale,
     }));
-    let samples = if scale == 1.0
-        && matches!(source.meta().method, Some(ViewOrigin::Interpolated(i)) if i != Interpolation::Bicubic)
-    {
-        measured_samples(&args.source.input, &*source, args.without_samples)?
-    } else {
-        None
-    };
     let format = args.written.format()?;
     let mut sink = lightfield::create(&args.written.out, meta.clone(), format, args.written.force)?;
     let began = std::time::Instant::now();
@@ -119,10 +126,12 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     sink.finish()?;
     let ([rows, columns], [height, width]) = (meta.views, meta.size);
     let out = args.written.out.display().to_string();
-    let text = format!("{out}: {rows}x{columns} views of {width}x{height} (enlarged by {scale}), {seconds:.1} s");
+    let text = format!(
+        "{out}: {rows}x{columns} views of {width}x{height} (enlarged by {scale}) by {predictor}, {seconds:.1} s"
+    );
     let json = json!({
         "out": out, "views": meta.views, "size": meta.size, "scale": scale, "seconds": seconds,
-        "footprint": model.footprint, "mode": mode,
+        "footprint": model.footprint, "mode": mode, "predictor": predictor,
         "samples": samples.is_some(),
         "dictionary": name.display().to_string(),
     });

@@ -16,14 +16,16 @@ pub struct LearnedArgs {
     /// refined ones]
     #[arg(long, value_name = "NAME|FILE")]
     pub dictionary: Option<PathBuf>,
-    /// Anchored regressors (the network for refined views), patches further apart: faster
+    /// Faster: anchored regressors (the network for refined views; LASSO codes where the dictionary has neither), patches
+    /// further apart
     #[arg(long)]
     fast: bool,
-    /// LASSO codes and network together, averaged over four mirrored copies of each view: slower
+    /// Slower: LASSO codes and network together (the network alone for refined views; LASSO codes alone where there is no
+    /// network), averaged over four mirrored copies of each view
     #[arg(long, conflicts_with = "fast")]
     best: bool,
-    /// How residuals are predicted, instead of by LASSO codes for interpolated views and by the network for refined
-    /// ones
+    /// What predicts residuals [default: LASSO codes for interpolated views, the network for refined ones]; a dictionary
+    /// without it is refused
     #[arg(long, conflicts_with_all = ["fast", "best"], value_enum, value_name = "HOW")]
     path: Option<PredictorName>,
     /// What a sample is: a point of the view, or the mean over the lenslet, which is then sharpened as well (and the

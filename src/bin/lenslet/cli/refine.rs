@@ -74,6 +74,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     meta.pitch = Some(scale * meta.pitch.unwrap_or(1.0));
     meta.colour = args.written.colour();
     meta.method = Some("multiview".into());
+    meta.predictor = None;
     meta.provenance.push(json!({
         "tool": "lenslet", "version": env!("CARGO_PKG_VERSION"), "command": "refine",
         "input": args.source.name(), "scale": scale, "fit": Fit::from(args.fit).name(),

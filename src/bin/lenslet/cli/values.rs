@@ -50,10 +50,17 @@ named_values! {
 named_values! {
     /// `--path`: how residual patches are predicted.
     PredictorName => Mode {
+        /// LASSO codes over Dl, then Dh (eq. (4) of the paper)
         Lasso => Mode::Lasso,
+        /// The dictionary's feed-forward network
         Network => Mode::Network,
+        /// The regressor of the nearest anchor (A+)
         Anchored => Mode::Anchored,
+        /// One ridge regressor for all patches: a linear filter
         Ridge => Mode::Ridge,
+        /// Nothing learned: samples put back and colours guided alone (also: no-codes)
+        #[value(alias = "no-codes")]
+        None => Mode::NoCodes,
     }
 }
 
