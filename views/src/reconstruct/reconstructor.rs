@@ -45,11 +45,7 @@ impl Reconstructor {
     ///
     /// # Errors
     /// As [`Reconstructor::new`].
-    pub fn with(
-        dictionary: &Dictionary,
-        options: &Options,
-        available: Available,
-    ) -> Result<Self, dictionary::Error> {
+    pub fn with(dictionary: &Dictionary, options: &Options, available: Available) -> Result<Self, dictionary::Error> {
         let model = dictionary
             .model(options.footprint)
             .ok_or_else(|| dictionary::Error::Parameter("the dictionary holds no model".into()))?;

@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::Result;
 use lenslet_core::container::RawMosaic;
 use lenslet_core::output;
-use lenslet_data_gen::simulate::{Region, SceneName};
+use lenslet_data_gen::simulate::Region;
 use ndarray::{Array3, s};
 
 use super::scores::encoded;
@@ -21,17 +21,14 @@ const SIDE: usize = 140;
 pub(super) const GAIN: f32 = 6.0;
 
 /// Upper left corner of the crop that is shown of a scene. On the chart the line pairs next to the middle.
-pub(super) fn corner_in_scene(kind: SceneName, regions: &[Region], size: (usize, usize)) -> (usize, usize) {
+pub(super) fn corner_in_scene(chart: bool, regions: &[Region], size: (usize, usize)) -> (usize, usize) {
     let middle = |r: &Region| [(r.bounds[0] + r.bounds[2]) / 2.0, (r.bounds[1] + r.bounds[3]) / 2.0];
     let distance = |r: &&Region| {
         let [x, y] = middle(r);
         (x - 0.5).hypot(y - 0.5)
     };
     let lines = regions.iter().filter(|r| r.kind == "lines" && r.frequency.is_some_and(|f| f > 0.3 && f < 0.4));
-    let at = match kind {
-        SceneName::Chart => lines.min_by(|a, b| distance(a).total_cmp(&distance(b))).map(middle),
-        _ => None,
-    };
+    let at = if chart { lines.min_by(|a, b| distance(a).total_cmp(&distance(b))).map(middle) } else { None };
     corner(at.unwrap_or([0.5, 0.5]), size)
 }
 

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use anyhow::{Result, bail};
 use lenslet_core::calibration::CalibrationVariant;
 use lenslet_core::decode::Demosaic;
+use lenslet_core::dictionary::PatchPredictor;
 use lenslet_core::digest::sha256_hex;
 use lenslet_data_gen::simulate::SceneName;
 use lenslet_train::Algorithm;
@@ -16,13 +17,14 @@ use super::experiment::Experiment;
 use super::method::Method;
 use super::paper;
 use super::settings::Settings;
+use super::simulated_scene::SimulatedScene;
 
 /// What is scored.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Subject {
     /// A simulated scene with its truth.
-    Scene(SceneName),
+    Scene(SimulatedScene),
     /// A real capture: hidden lenslets.
     Capture(PathBuf),
     /// Another tool's light field on the truth given with it.
@@ -56,6 +58,9 @@ pub struct Run {
     pub seed: u64,
     /// Side of the simulated sensor.
     pub sensor: usize,
+    /// SHA-256 of the dictionary, where a method uses one that was not trained for the run.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dictionary: Option<String>,
 }
 
 impl Run {
@@ -95,6 +100,10 @@ pub fn plan(settings: &Settings) -> Result<Vec<Run>> {
         }
         let scenes = scenes(experiment, settings.quick);
         for (variant, chain) in variants(experiment, settings.quick) {
+            // A dictionary given may lack one of the predictors.
+            if chain.training.is_none() && !settings.dictionaries.can(chain.method) {
+                continue;
+            }
             for &scene in &scenes {
                 for seed in settings.seeds() {
                     runs.push(run_of(settings, experiment, &variant, &chain, Subject::Scene(scene), seed));
@@ -122,7 +131,10 @@ fn run_of(
     subject: Subject,
     seed: u64,
 ) -> Run {
-    Run { experiment, variant: variant.to_owned(), chain: chain.clone(), subject, seed, sensor: settings.sensor() }
+    let trained = chain.training.is_some();
+    let dictionary = if trained { None } else { settings.dictionaries.of(chain.method).map(|d| d.sha256.clone()) };
+    let (variant, chain) = (variant.to_owned(), chain.clone());
+    Run { experiment, variant, chain, subject, seed, sensor: settings.sensor(), dictionary }
 }
 
 /// Experiments that real captures can answer. Dictionary runs would train for hours.
@@ -130,18 +142,19 @@ fn can_use_real_captures(experiment: Experiment) -> bool {
     matches!(experiment, Experiment::Calibration | Experiment::Subpixel | Experiment::Resampling)
 }
 
-fn scenes(experiment: Experiment, quick: bool) -> Vec<SceneName> {
-    match (experiment, quick) {
+fn scenes(experiment: Experiment, quick: bool) -> Vec<SimulatedScene> {
+    let drawn: &[SceneName] = match (experiment, quick) {
         (Experiment::Resampling, false) => {
-            vec![SceneName::Natural, SceneName::Planes, SceneName::Slanted, SceneName::Occluders, SceneName::Chart]
+            &[SceneName::Natural, SceneName::Planes, SceneName::Slanted, SceneName::Occluders, SceneName::Chart]
         }
         (Experiment::Calibration | Experiment::Subpixel | Experiment::Resampling, _) => {
-            vec![SceneName::Natural, SceneName::Chart]
+            &[SceneName::Natural, SceneName::Chart]
         }
-        (Experiment::Views | Experiment::Paper, _) => vec![SceneName::Natural],
-        (_, true) => vec![SceneName::Natural],
-        (_, false) => vec![SceneName::Natural, SceneName::Chart],
-    }
+        (Experiment::Views | Experiment::Paper, _) | (_, true) => &[SceneName::Natural],
+        (_, false) => &[SceneName::Natural, SceneName::Chart],
+    };
+    let photos = matches!(experiment, Experiment::Resampling | Experiment::Dictionary);
+    drawn.iter().copied().map(SimulatedScene::Drawn).chain(photos.then_some(SimulatedScene::Photos)).collect()
 }
 
 /// The rows of an experiment.
@@ -161,21 +174,22 @@ fn variants(experiment: Experiment, quick: bool) -> Vec<(String, Chain)> {
             named("lattice and residual", centres(CalibrationVariant::Full)),
         ],
         Experiment::Resampling => {
-            let methods = Method::ALL.into_iter().filter(|m| !(quick && m.is_slow()));
-            methods.map(|method| named(method.name(), Chain { method, ..base() })).collect()
+            let methods = Method::all().filter(|m| !(quick && m.is_slow()));
+            methods.map(|method| named(&method.name(), Chain { method, ..base() })).collect()
         }
         Experiment::Paper => paper::as_printed(),
         Experiment::Dictionary => dictionary_variants(quick),
         Experiment::Noise => {
             let levels: &[f64] = if quick { &[0.0, 3.0] } else { &[0.0, 0.7, 1.5, 3.0, 6.0] };
-            let methods: &[Method] = if quick {
-                &[Method::Barycentric, Method::Learned]
+            let lasso = Method::Learned(PatchPredictor::Lasso);
+            let methods = if quick {
+                vec![Method::Barycentric, lasso]
             } else {
-                &[Method::Barycentric, Method::Cubic, Method::Multiview, Method::Learned]
+                vec![Method::Barycentric, Method::Cubic, Method::Multiview, lasso]
             };
             methods
-                .iter()
-                .flat_map(|&method| levels.iter().map(move |&noise| (method, noise)))
+                .into_iter()
+                .flat_map(|method| levels.iter().map(move |&noise| (method, noise)))
                 .map(|(method, noise)| {
                     named(&format!("{}, noise {noise}", method.name()), Chain { method, noise, ..base() })
                 })
@@ -222,12 +236,16 @@ fn dictionary_variants(quick: bool) -> Vec<(String, Chain)> {
     }
     rows.push(("low part first".to_owned(), Training { joint: false, ..m() }));
     rows.into_iter()
-        .map(|(name, t)| (name, Chain { method: Method::Learned, training: Some(t), ..Chain::default() }))
+        .map(|(name, t)| {
+            (name, Chain { method: Method::Learned(PatchPredictor::Lasso), training: Some(t), ..Chain::default() })
+        })
         .collect()
 }
 
 #[cfg(test)]
 mod tests {
+    use lenslet_data_gen::simulate::SceneUse;
+
     use super::*;
 
     #[test]
@@ -243,6 +261,16 @@ mod tests {
             // All experiments but the one that needs files.
             let experiments: std::collections::HashSet<_> = runs.iter().map(|r| r.experiment).collect();
             assert_eq!(experiments.len(), 9);
+        }
+    }
+
+    #[test]
+    fn nothing_is_scored_on_a_scene_for_training() {
+        for quick in [false, true] {
+            for run in plan(&Settings { quick, ..Settings::default() }).unwrap() {
+                let Subject::Scene(SimulatedScene::Drawn(scene)) = run.subject else { continue };
+                assert_eq!(scene.scene_use(), SceneUse::Scoring, "{}", run.title());
+            }
         }
     }
 

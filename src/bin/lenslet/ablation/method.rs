@@ -1,12 +1,12 @@
 //! From samples to views: the methods that are compared.
 
+use lenslet_core::dictionary::PatchPredictor;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_views::multiview::Fit;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 /// How views are made of samples.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
     /// Section 4.1.
     Bicubic,
@@ -20,10 +20,10 @@ pub enum Method {
     Multiview,
     /// Section 4.3 as in the paper: barycentric on the triangulation of the samples of all views.
     MultiviewTriangulated,
-    /// Section 4.4 on the interpolation the dictionary was trained for.
-    Learned,
-    /// Section 4.4 on top of section 4.3.
-    LearnedMultiview,
+    /// Section 4.4 on the interpolation the dictionary was trained for, by one of its predictors.
+    Learned(PatchPredictor),
+    /// Section 4.4 on top of section 4.3, by one of the dictionary's predictors.
+    LearnedMultiview(PatchPredictor),
 }
 
 impl From<Interpolation> for Method {
@@ -37,30 +37,47 @@ impl From<Interpolation> for Method {
     }
 }
 
+impl Serialize for Method {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(&self.name().replace(", ", "-").replace(' ', "-").to_lowercase())
+    }
+}
+
 impl Method {
     /// All, in the order of the tables.
-    pub const ALL: [Method; 8] = [
-        Method::BicubicDownsampled,
-        Method::Bicubic,
-        Method::Barycentric,
-        Method::Cubic,
-        Method::MultiviewTriangulated,
-        Method::Multiview,
-        Method::Learned,
-        Method::LearnedMultiview,
-    ];
+    pub fn all() -> impl Iterator<Item = Method> {
+        [
+            Method::BicubicDownsampled,
+            Method::Bicubic,
+            Method::Barycentric,
+            Method::Cubic,
+            Method::MultiviewTriangulated,
+            Method::Multiview,
+        ]
+        .into_iter()
+        .chain(PatchPredictor::ALL.map(Method::Learned))
+        .chain(PatchPredictor::ALL.map(Method::LearnedMultiview))
+    }
 
-    /// Name in tables.
-    pub fn name(self) -> &'static str {
+    /// Name in tables: of learned reconstruction that of the predictor.
+    pub fn name(self) -> String {
         match self {
-            Method::Bicubic => "bicubic",
-            Method::BicubicDownsampled => "bicubic, raw downsampled",
-            Method::Barycentric => "barycentric",
-            Method::Cubic => "cubic",
-            Method::Multiview => "multiview",
-            Method::MultiviewTriangulated => "multiview, triangulated",
-            Method::Learned => "learned",
-            Method::LearnedMultiview => "learned on multiview",
+            Method::Bicubic => "bicubic".into(),
+            Method::BicubicDownsampled => "bicubic, raw downsampled".into(),
+            Method::Barycentric => "barycentric".into(),
+            Method::Cubic => "cubic".into(),
+            Method::Multiview => "multiview".into(),
+            Method::MultiviewTriangulated => "multiview, triangulated".into(),
+            Method::Learned(predictor) => predictor.name().into(),
+            Method::LearnedMultiview(predictor) => format!("{predictor} on multiview"),
+        }
+    }
+
+    /// The predictor of learned reconstruction; none of an interpolation.
+    pub fn predictor(self) -> Option<PatchPredictor> {
+        match self {
+            Method::Learned(predictor) | Method::LearnedMultiview(predictor) => Some(predictor),
+            _ => None,
         }
     }
 
@@ -71,7 +88,7 @@ impl Method {
             Method::Barycentric => Some(Interpolation::Barycentric),
             Method::Cubic => Some(Interpolation::Cubic),
             Method::Multiview | Method::MultiviewTriangulated => Some(Interpolation::Multiview),
-            Method::BicubicDownsampled | Method::Learned | Method::LearnedMultiview => None,
+            Method::BicubicDownsampled | Method::Learned(_) | Method::LearnedMultiview(_) => None,
         }
     }
 
@@ -83,5 +100,20 @@ impl Method {
     /// Whether a view takes seconds even on a small sensor; quick runs leave these methods out.
     pub fn is_slow(self) -> bool {
         self == Method::MultiviewTriangulated
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_predictor_has_its_row() {
+        let names: Vec<String> = Method::all().map(Method::name).collect();
+        for name in ["no codes", "LASSO", "network on multiview", "no codes on multiview", "ridge", "anchored"] {
+            assert!(names.iter().any(|n| n == name), "{name} of {names:?}");
+        }
+        let json = serde_json::to_string(&Method::LearnedMultiview(PatchPredictor::NoCodes)).unwrap();
+        assert_eq!(json, "\"no-codes-on-multiview\"");
     }
 }

@@ -17,6 +17,7 @@ pub mod orderings;
 pub mod page;
 mod paper;
 mod peers;
+mod photos;
 mod plot;
 mod real_capture;
 pub mod record;
@@ -25,7 +26,11 @@ mod run_one;
 mod scores;
 mod settings;
 mod simulated_capture;
+mod simulated_scene;
+#[cfg(test)]
+mod spoiled;
 pub mod table;
+mod used_dictionaries;
 
 use std::fs::File;
 use std::path::Path;
@@ -39,6 +44,7 @@ use matrix::Run;
 pub use matrix::plan;
 pub use record::Record;
 pub use settings::Settings;
+pub use used_dictionaries::UsedDictionaries;
 
 /// What is written at the end, besides the log and the pictures.
 const WRITTEN: [&str; 6] = ["tables.json", "tables.csv", "tables.md", "orderings.json", "report.html", "against.json"];

@@ -15,7 +15,7 @@ use crate::report::plot::{Series, line_plot};
 use crate::report::{self, EmbeddedPicture, Page, Stage};
 
 /// Scores that are plotted where an experiment has them.
-const PLOTTED: [&str; 7] = ["psnr", "psnr_outer", "ssim", "hidden_psnr", "mtf50", "spurious", "consistency"];
+const PLOTTED: [&str; 7] = ["psnr_y", "psnr_outer", "ssim", "hidden_psnr", "mtf50", "spurious", "consistency"];
 /// Largest picture embedded, bytes.
 const MAX_PICTURE: u64 = 4 << 20;
 
@@ -27,7 +27,8 @@ pub fn write_page(out: &Path, tables: &[Table], verdicts: &[Verdict], about: &[S
     let mut page = Page::new("What each step gives", &about.join("; "));
     if !verdicts.is_empty() {
         page.heading("Orderings");
-        page.paragraph("Whether what should score more does: mean and spread over seeds of the paired differences.");
+        page.paragraph("Whether what should score more does: mean and spread over seeds of the paired differences. It holds where the \
+             mean is above 0.005 dB and above two standard errors.");
         page.table(&orderings(verdicts));
     }
     for table in tables {
@@ -48,18 +49,17 @@ pub fn write_page(out: &Path, tables: &[Table], verdicts: &[Verdict], about: &[S
 
 fn orderings(verdicts: &[Verdict]) -> report::Table {
     let row = |v: &Verdict| {
-        let verdict = if v.holds { "holds" } else { "does not hold" };
         vec![
             v.experiment.clone(),
             v.subject.clone(),
             v.better.clone(),
             v.worse.clone(),
             format_cell(&v.margin, 2),
-            verdict.into(),
+            v.name().into(),
         ]
     };
     report::Table {
-        caption: "PSNR of the middle view, or of hidden lenslets".into(),
+        caption: "PSNR of the middle view's luminance, or of hidden lenslets".into(),
         head: ["experiment", "subject", "this", "over this", "margin dB", ""].map(String::from).to_vec(),
         rows: verdicts.iter().map(row).collect(),
         best: Vec::new(),

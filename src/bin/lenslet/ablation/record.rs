@@ -230,9 +230,10 @@ mod tests {
             experiment: Experiment::Noise,
             variant: "x".into(),
             chain: Chain::default(),
-            subject: Subject::Scene(SceneName::Flat),
+            subject: Subject::Scene(SceneName::Flat.into()),
             seed,
             sensor: 100,
+            dictionary: None,
         }
     }
 

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use anyhow::{Context as _, Result};
 use lenslet_core::decode::HexSamples;
-use lenslet_core::dictionary::{Dictionary, Footprint};
+use lenslet_core::dictionary::{Dictionary, Footprint, PatchPredictor};
 use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::View;
@@ -70,8 +70,8 @@ fn base(method: Method, dictionary: Option<&Dictionary>) -> Result<Method> {
         Ok(Method::from(model.base))
     };
     match method {
-        Method::LearnedMultiview => Ok(Method::Multiview),
-        Method::Learned => trained_on(),
+        Method::LearnedMultiview(_) => Ok(Method::Multiview),
+        Method::Learned(_) => trained_on(),
         _ => Ok(method),
     }
 }
@@ -101,7 +101,9 @@ pub(super) fn render(
     }
     let begun = Instant::now();
     let dictionary = dictionary.context("a learned method needs a dictionary")?;
-    let images = reconstruct_views(samples, target, (base, &low.images), wanted, dictionary, observer)?;
+    let predictor = method.predictor().context("only learned methods start from another one's views")?;
+    let how = (dictionary, predictor);
+    let images = reconstruct_views(samples, target, (base, &low.images), wanted, how, observer)?;
     Ok(Rendered { images, seconds: low.seconds + begun.elapsed().as_secs_f64() })
 }
 
@@ -131,17 +133,18 @@ fn interpolate_views(
     Ok(images)
 }
 
-/// Views that `base` made of the samples, reconstructed.
+/// Views that `base` made of the samples, reconstructed by one predictor of a dictionary.
 fn reconstruct_views(
     samples: &HexSamples,
     target: &Size,
     (base, low): (Method, &[Array3<f32>]),
     wanted: &[(usize, usize)],
-    dictionary: &Dictionary,
+    (dictionary, predictor): (&Dictionary, PatchPredictor),
     observer: &dyn Observer,
 ) -> Result<Vec<Array3<f32>>> {
     // The truth is what a lenslet sees, so a sample is the truth at a point.
-    let options = reconstruct::Options { footprint: Footprint::Point, ..reconstruct::Options::default() };
+    let mode = reconstruct::Mode::of(predictor);
+    let options = reconstruct::Options { mode, footprint: Footprint::Point, ..reconstruct::Options::default() };
     let interpolation = base.interpolation().context("learned reconstruction starts from interpolated views")?;
     let learned = LearnedViews::prepare(samples, interpolation, target, dictionary, &options, observer)?;
     low.iter()

@@ -8,7 +8,6 @@ use lenslet_core::decode::{self, ViewStep};
 use lenslet_core::dictionary::Dictionary;
 use lenslet_core::digest::sha256_hex;
 use lenslet_core::geometry::Size;
-use lenslet_core::interpolation::Interpolation;
 use lenslet_core::progress::Observer;
 use lenslet_data_gen::simulate::SceneName;
 use ndarray::Array3;
@@ -22,9 +21,9 @@ use super::record::Scored;
 use super::render::{RenderCache, render};
 use super::settings::Settings;
 use super::simulated_capture::SimulatedCaptures;
+use super::simulated_scene::SimulatedScene;
 use super::{crops, dictionaries, peers, scores};
 use lenslet_views::multiview;
-use lenslet_views::reconstruct;
 
 /// Share of lenslets hidden on real captures.
 /// Source: chosen.
@@ -68,7 +67,7 @@ pub(super) fn run_one(
 /// A simulated scene, scored against its truth.
 fn run_simulated(
     run: &Run,
-    kind: SceneName,
+    kind: SimulatedScene,
     settings: &Settings,
     caches: &mut Caches,
     out: &Path,
@@ -101,15 +100,16 @@ fn run_simulated(
     }
     let truths: Vec<Array3<f32>> = wanted.iter().map(|&(v, u)| capture.truth(v, u, n).clone()).collect();
     scores::score_against_truth(&images, &truths, &mut scored.scores)?;
-    if matches!(kind, SceneName::Chart | SceneName::Flat | SceneName::Slanted) {
+    if let SimulatedScene::Drawn(SceneName::Chart | SceneName::Flat | SceneName::Slanted) = kind {
         let steps = ((n - 1 - middle) as f64, 0.0);
         scores::score_agreement(&images, &capture.disparity(), steps, &mut scored.scores)?;
     }
-    if kind == SceneName::Chart {
+    let chart = kind == SceneName::Chart.into();
+    if chart {
         scores::score_chart(&images[0], &truths[0], &capture.scene.regions, capture.pitch(), &mut scored.scores);
     }
     if run.seed == 1 {
-        let crop = crops::corner_in_scene(kind, &capture.scene.regions, capture.size);
+        let crop = crops::corner_in_scene(chart, &capture.scene.regions, capture.size);
         scored.pictures = crops::save_crops(out, &run.key(), &images[0], Some(&truths[0]), crop)?;
     }
     Ok(scored)
@@ -131,7 +131,7 @@ fn run_captured(
     let target = Size::new(capture.mosaic.width, capture.mosaic.height).with_longer_side(SIDE);
     let middle = chain.views / 2;
     let wanted = [(middle, middle)];
-    let dictionary = embedded_dictionary(chain.method)?;
+    let dictionary = settings.dictionaries.of(chain.method).map(|d| &d.dictionary);
     let steps = steps_to_samples(chain)?;
     rendered.enter(&path.to_string_lossy(), &run.seed.to_string());
     let mut options = decode_options(chain);
@@ -142,7 +142,7 @@ fn run_captured(
         rendered.decoded(&steps, || Ok(decode::sample_views(capture, calibration, &options, observer)?))?;
     let mut image = None;
     let score = multiview::hidden_score::<anyhow::Error>(samples, &target, HIDDEN, run.seed, wanted[0], &mut |rest| {
-        let mut made = render((&steps, rest), &target, chain.method, &wanted, dictionary.as_ref(), kept, observer)?;
+        let mut made = render((&steps, rest), &target, chain.method, &wanted, dictionary, kept, observer)?;
         scored.step_seconds = made.seconds;
         let view = made.images.pop().context("no view was rendered")?;
         Ok(image.insert(view).clone())
@@ -171,17 +171,7 @@ fn decode_options(chain: &Chain) -> decode::Options {
     }
 }
 
-/// The embedded dictionary for a method that needs one.
-fn embedded_dictionary(method: Method) -> Result<Option<Dictionary>> {
-    let base = match method {
-        Method::Learned => Interpolation::Barycentric,
-        Method::LearnedMultiview => Interpolation::Multiview,
-        _ => return Ok(None),
-    };
-    reconstruct::embedded_dictionary_for(base).map(Some).context("the embedded dictionary")
-}
-
-/// The dictionary of the run: trained for it, or the embedded one where its method needs one.
+/// The dictionary of the run: trained for it, or one of the settings where its method needs one.
 fn dictionary_of(
     chain: &Chain,
     seed: u64,
@@ -191,7 +181,9 @@ fn dictionary_of(
     observer: &dyn Observer,
 ) -> Result<Option<Dictionary>> {
     let Some(training) = &chain.training else {
-        return embedded_dictionary(chain.method);
+        let used = settings.dictionaries.of(chain.method);
+        scored.hashes.extend(used.map(|d| ("dictionary".to_owned(), d.sha256.clone())));
+        return Ok(used.map(|d| d.dictionary.clone()));
     };
     let trained = dictionaries::train_once(training, seed, settings, simulated.trained(), observer)?;
     scored.scores.insert("train_seconds".into(), trained.seconds);

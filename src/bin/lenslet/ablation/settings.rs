@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::experiment::Experiment;
+use super::used_dictionaries::UsedDictionaries;
 
 /// Which experiments to run, and on which data.
 #[derive(Debug, Clone, Default)]
@@ -17,7 +18,9 @@ pub struct Settings {
     pub whites: Vec<PathBuf>,
     /// Captures of that camera, scored by hidden lenslets.
     pub captures: Vec<PathBuf>,
-    /// Photos to train the dictionaries on; simulated pictures when empty.
+    /// The dictionaries of the learned methods.
+    pub dictionaries: UsedDictionaries,
+    /// Photos to train the dictionaries on; those inside the program when empty.
     pub photos: Vec<PathBuf>,
     /// Light fields decoded by other tools, with the tools' names.
     pub peers: Vec<(String, PathBuf)>,

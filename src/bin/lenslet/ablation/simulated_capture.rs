@@ -7,11 +7,12 @@ use anyhow::Result;
 use lenslet_core::calibration::{self, Calibration, CalibrationVariant};
 use lenslet_core::lightfield::{ColourSpace, colour};
 use lenslet_core::progress::Observer;
-use lenslet_data_gen::simulate::{self, Camera, Scene, SceneName, Simulation, SimulationOptions};
+use lenslet_data_gen::simulate::{self, Camera, Scene, Simulation, SimulationOptions};
 use ndarray::{Array2, Array3};
 
 use super::dictionaries::TrainedDictionaries;
 use super::settings::Settings;
+use super::simulated_scene::SimulatedScene;
 
 /// Captures kept at once; runs come sorted by capture, so that an older one is rarely needed again.
 /// Source: chosen.
@@ -20,7 +21,7 @@ const KEPT: usize = 2;
 /// What distinguishes captures. Noise in thousandths, so that it can be compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Key {
-    kind: SceneName,
+    kind: SimulatedScene,
     seed: u64,
     noise: u64,
 }
@@ -63,7 +64,7 @@ impl SimulatedCaptures {
     /// The capture of a scene of `kind` under `seed`, made when it is not there.
     pub(super) fn get(
         &mut self,
-        kind: SceneName,
+        kind: SimulatedScene,
         seed: u64,
         noise: f64,
         observer: &dyn Observer,
@@ -88,7 +89,7 @@ impl SimulatedCapture {
     fn new(key: Key, sensor: usize, size: usize, noise: f64, observer: &dyn Observer) -> Result<SimulatedCapture> {
         // Another camera for every seed.
         let camera = Camera::with_sensor(sensor).perturbed(key.seed);
-        let scene = Scene::named(key.kind, &camera, None, key.seed, observer)?;
+        let scene = key.kind.draw(&camera, key.seed, observer)?;
         let options = SimulationOptions { seed: key.seed, noise, whites: 2 };
         let simulation = simulate::render_capture(&scene, &camera, &options, observer)?;
         let size = simulate::output_size(&camera, size);

@@ -320,7 +320,7 @@ pub(super) mod tests {
             subject: "natural".into(),
             seed,
             parameters: json!({}),
-            scores: psnr.map(|p| ("psnr".to_owned(), p)).into_iter().collect(),
+            scores: ["psnr", "psnr_y"].into_iter().filter_map(|name| Some((name.to_owned(), psnr?))).collect(),
             failed: psnr.is_none().then(|| "broke | badly".to_owned()),
             step_seconds: 1.5,
             seconds: 2.0,
@@ -342,7 +342,7 @@ pub(super) mod tests {
         ];
         let tables = tabulate(&records);
         assert_eq!(tables.iter().map(|t| t.experiment.as_str()).collect::<Vec<_>>(), ["demosaic", "views"]);
-        assert_eq!(tables[0].columns, ["psnr", "step_seconds", "failed"]);
+        assert_eq!(tables[0].columns, ["psnr", "psnr_y", "step_seconds", "failed"]);
         let first = tables[0].rows[0].cells[0].unwrap();
         assert_eq!((first.mean, first.n), (31.0, 2));
         assert!((first.spread - 2f64.sqrt()).abs() < 1e-12);

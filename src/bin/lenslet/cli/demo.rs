@@ -133,15 +133,8 @@ const INTERPOLATIONS: [(Interpolation, &str); 4] = [
     (Interpolation::Multiview, "samples of all views at their true places (paper 4.3)"),
 ];
 
-/// The report's description of learned reconstruction on each interpolation.
-const LEARNED: [(&str, Interpolation, &str); 2] = [
-    ("learned", Interpolation::Barycentric, "dictionary reconstruction of the barycentric views (paper 4.4)"),
-    (
-        "learned on multiview",
-        Interpolation::Multiview,
-        "dictionary reconstruction of the refined views (paper 4.3, then 4.4)",
-    ),
-];
+/// What `decode --method learned` runs, as earlier versions named it in `scores.json`, and the row it is.
+const EARLIER_NAMES: [(&str, &str); 2] = [("learned", "LASSO"), ("learned on multiview", "network on multiview")];
 
 /// Every method on the scored views.
 fn reconstruct(samples: &HexSamples, target: &Size, observer: &dyn Observer) -> anyhow::Result<Vec<Reconstruction>> {
@@ -156,22 +149,28 @@ fn reconstruct(samples: &HexSamples, target: &Size, observer: &dyn Observer) -> 
             Ok(())
         };
         prepared.render_views(&SCORED, &mut keep, observer)?;
-        results.push(Reconstruction::new(interpolation.name(), about, &views, began));
+        results.push(Reconstruction::interpolated(interpolation, about, &views, began));
         low.push((interpolation, views));
     }
-    for (name, interpolation, about) in LEARNED {
-        let began = Instant::now();
+    for interpolation in [Interpolation::Barycentric, Interpolation::Multiview] {
         let dictionary = reconstruct::embedded_dictionary_for(interpolation)?;
-        let options = reconstruct::Options::default();
-        let prepared = LearnedViews::prepare(samples, interpolation, target, &dictionary, &options, observer)?;
-        observer.begin(name, SCORED.len() as u64);
-        let mut views = Vec::new();
-        for (view, (v, u)) in low.iter().filter(|l| l.0 == interpolation).flat_map(|l| &l.1).zip(SCORED) {
-            observer.check()?;
-            views.push(prepared.reconstruct_view(view, v, u)?);
-            observer.advance(1);
+        let footprint = reconstruct::Options::default().footprint;
+        let predictors =
+            dictionary.model(footprint).context("an embedded dictionary is empty")?.patch_model.predictors();
+        for predictor in predictors {
+            let began = Instant::now();
+            let mode = reconstruct::Mode::of(predictor);
+            let options = reconstruct::Options { mode, ..reconstruct::Options::default() };
+            let prepared = LearnedViews::prepare(samples, interpolation, target, &dictionary, &options, observer)?;
+            observer.begin(predictor.name(), SCORED.len() as u64);
+            let mut views = Vec::new();
+            for (view, (v, u)) in low.iter().filter(|l| l.0 == interpolation).flat_map(|l| &l.1).zip(SCORED) {
+                observer.check()?;
+                views.push(prepared.reconstruct_view(view, v, u)?);
+                observer.advance(1);
+            }
+            results.push(Reconstruction::learned(interpolation, predictor, &views, began));
         }
-        results.push(Reconstruction::new(name, about, &views, began));
     }
     Ok(results)
 }
@@ -182,7 +181,7 @@ fn score(result: &Array3<f32>, truth: &Array3<f32>) -> anyhow::Result<Scores> {
 
 /// `pictures/NAME.png` of the central view of every method and of the truth, and the strip of crops.
 fn write_pictures(root: &Path, results: &[Reconstruction], truth: &Array3<f32>) -> anyhow::Result<()> {
-    for (name, view) in results.iter().map(|r| (r.name, &r.views[0])).chain([("truth", truth)]) {
+    for (name, view) in results.iter().map(|r| (r.name.as_str(), &r.views[0])).chain([("truth", truth)]) {
         let file: String = name.chars().map(|c| if c == ' ' { '-' } else { c }).collect();
         output::write_file(
             &root.join("pictures").join(format!("{file}.png")),
@@ -190,8 +189,9 @@ fn write_pictures(root: &Path, results: &[Reconstruction], truth: &Array3<f32>) 
             &EmbeddedPicture::png(view, 1)?.bytes,
         )?;
     }
-    let strip_of = ["bicubic", "barycentric", "learned", "multiview", "learned on multiview"];
-    let shown: Vec<_> = results.iter().filter(|r| strip_of.contains(&r.name)).map(|r| (r.name, &r.views[0])).collect();
+    let strip_of = ["bicubic", "barycentric", "LASSO", "multiview", "network on multiview"];
+    let in_strip = results.iter().filter(|r| strip_of.contains(&r.name.as_str()));
+    let shown: Vec<_> = in_strip.map(|r| (r.name.as_str(), &r.views[0])).collect();
     let side = (truth.dim().0 / 5).clamp(24, 80);
     let mut rows = Vec::new();
     for (k, (_, x, y)) in CROPS.into_iter().enumerate().filter(|(k, _)| [0, 2].contains(k)) {
@@ -209,15 +209,22 @@ fn write_pictures(root: &Path, results: &[Reconstruction], truth: &Array3<f32>) 
 }
 
 fn record(args: &Args, calibrated: &Calibrated, results: &[Reconstruction], seconds: f64) -> Value {
-    let methods = results.iter().map(|r| {
+    let value_of = |r: &Reconstruction| {
         let centre = r.scores[0];
-        let value = json!({
+        let mut value = json!({
             "psnr_rgb": centre.psnr_rgb, "psnr_y": centre.psnr_y, "ssim_y": centre.ssim_y,
             "psnr_y_five_views": mean(&r.scores, |s| s.psnr_y), "ssim_y_five_views": mean(&r.scores, |s| s.ssim_y),
             "seconds": r.seconds,
         });
-        (r.name.to_owned(), value)
-    });
+        if let Some(predictor) = r.predictor {
+            value["predictor"] = predictor.name().into();
+        }
+        value
+    };
+    let mut methods: serde_json::Map<_, _> = results.iter().map(|r| (r.name.clone(), value_of(r))).collect();
+    for (earlier, row) in EARLIER_NAMES {
+        methods.extend(results.iter().find(|r| r.name == row).map(|r| (earlier.to_owned(), value_of(r))));
+    }
     let lattice = &calibrated.found.lattice;
     json!({
         "out": args.out,
@@ -227,7 +234,7 @@ fn record(args: &Args, calibrated: &Calibrated, results: &[Reconstruction], seco
             "pitch": lattice.pitch(), "rotation": lattice.rotation(), "row_stretch": lattice.row_stretch(),
             "lenslets": calibrated.found.lenslets.len(), "true_lenslets": calibrated.truth, "centre_rms": calibrated.rms,
         },
-        "methods": methods.collect::<serde_json::Map<_, _>>(),
+        "methods": methods,
         "seconds": seconds,
     })
 }

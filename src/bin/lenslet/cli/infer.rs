@@ -74,12 +74,12 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         None
     };
     let available = if samples.is_some() { Available::Samples } else { Available::ViewAlone };
-    let reconstructor = Reconstructor::with(&found, &options, available)
-        .with_context(|| format!("dictionary {}", name.display()))?;
+    let reconstructor =
+        Reconstructor::with(&found, &options, available).with_context(|| format!("dictionary {}", name.display()))?;
     let predictor = reconstructor.plan().to_string();
     context.progress.note(&format!("views are reconstructed by: {predictor} (dictionary {})", name.display()));
     let model = reconstructor.model();
-    if model.footprint != footprint {
+    if model.footprint != footprint && args.learned.names_footprint() {
         context
             .progress
             .note(&format!("the dictionary has no model for {footprint} samples; {} is used", model.footprint));

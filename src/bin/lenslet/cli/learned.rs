@@ -68,6 +68,11 @@ impl LearnedArgs {
         given.into_iter().find(|(_, given)| *given).map(|(name, _)| name)
     }
 
+    /// Whether it was said what a sample is.
+    pub fn names_footprint(&self) -> bool {
+        self.footprint.is_some()
+    }
+
     /// What a sample is.
     pub fn footprint(&self) -> Footprint {
         self.footprint.map_or(Footprint::Point, Footprint::from)

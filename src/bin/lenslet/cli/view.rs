@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use lenslet::apps::fill_dark_views;
 use lenslet::apps::viewer::{self, ViewerContent};
+use lenslet_core::lightfield::Meta;
 use lenslet_core::output::{self, Kind};
 use lenslet_core::progress::Observer;
 use lenslet_views::disparity;
@@ -75,6 +76,12 @@ fn labels(paths: &[PathBuf]) -> Vec<String> {
         .collect()
 }
 
+/// How views were made, as a button has it: the method, and the predictor of learned ones.
+fn made_by(meta: &Meta) -> Option<String> {
+    let method = meta.method.as_ref()?.name();
+    Some(meta.predictor.as_ref().map_or_else(|| method.to_owned(), |predictor| format!("{method}: {predictor}")))
+}
+
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if !(args.max_mb > 0.0 && args.max_mb <= 1000.0) {
         return Err(Usage("--max-mb must be above 0 and at most 1000".into()).into());
@@ -105,8 +112,8 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
             .for_each(|note| context.progress.note(&format!("{}: {note}", path.display())));
         let order = depth_order_of(&field.data.view(), &found.disparity)?;
         fill_dark_views(&mut field, &light, &found.disparity, order);
-        let label = match &field.meta.method {
-            Some(method) if !label.contains(method.name()) => format!("{label} ({method})"),
+        let label = match made_by(&field.meta) {
+            Some(made) if !label.contains(&made) => format!("{label} ({made})"),
             _ => label,
         };
         sets.push(viewer::shrink_views(&label, &field.data.view(), side, &found.disparity, order));

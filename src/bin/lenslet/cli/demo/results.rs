@@ -3,6 +3,8 @@
 use std::time::Instant;
 
 use lenslet_core::calibration::Calibration;
+use lenslet_core::dictionary::PatchPredictor;
+use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::View;
 use lenslet_core::metrics::Scores;
 use lenslet_data_gen::simulate::Camera;
@@ -27,18 +29,66 @@ pub(super) struct Simulated {
 
 /// One method's views, sRGB-encoded, in the order of [`SCORED`].
 pub(super) struct Reconstruction {
-    pub(super) name: &'static str,
+    pub(super) name: String,
     pub(super) about: &'static str,
+    /// How the views were interpolated.
+    pub(super) base: Interpolation,
+    /// What reconstructed them, where anything did.
+    pub(super) predictor: Option<PatchPredictor>,
     pub(super) views: Vec<Array3<f32>>,
     pub(super) seconds: f64,
     pub(super) scores: Vec<Scores>,
 }
 
 impl Reconstruction {
-    pub(super) fn new(name: &'static str, about: &'static str, views: &[View], began: Instant) -> Self {
+    pub(super) fn interpolated(base: Interpolation, about: &'static str, views: &[View], began: Instant) -> Self {
+        Reconstruction::new(base.name().into(), about, base, None, (views, began))
+    }
+
+    pub(super) fn learned(base: Interpolation, predictor: PatchPredictor, views: &[View], began: Instant) -> Self {
+        let on = if base == Interpolation::Barycentric { String::new() } else { format!(" on {base}") };
+        Reconstruction::new(format!("{predictor}{on}"), about(predictor), base, Some(predictor), (views, began))
+    }
+
+    fn new(
+        name: String,
+        about: &'static str,
+        base: Interpolation,
+        predictor: Option<PatchPredictor>,
+        (views, began): (&[View], Instant),
+    ) -> Self {
         let seconds = began.elapsed().as_secs_f64();
         let views = views.iter().map(|view| view.encode().into_pixels()).collect();
-        Reconstruction { name, about, views, seconds, scores: Vec::new() }
+        Reconstruction { name, about, base, predictor, views, seconds, scores: Vec::new() }
+    }
+
+    /// The options of `decode` that make these views.
+    pub(super) fn decode_options(&self) -> String {
+        match self.predictor {
+            None => format!("--method {}", self.base),
+            Some(predictor) => {
+                let path = match predictor {
+                    PatchPredictor::NoCodes => "none",
+                    PatchPredictor::Ridge => "ridge",
+                    PatchPredictor::Anchored => "anchored",
+                    PatchPredictor::Lasso => "lasso",
+                    PatchPredictor::Network => "network",
+                };
+                format!("--method learned --base {} --path {path}", self.base)
+            }
+        }
+    }
+}
+
+fn about(predictor: PatchPredictor) -> &'static str {
+    match predictor {
+        PatchPredictor::NoCodes => "nothing learned: measured samples put back, colours guided by the luminance",
+        PatchPredictor::Ridge => "the same with one linear filter learned from photos",
+        PatchPredictor::Anchored => "the same with the regressor of the nearest anchor (A+)",
+        PatchPredictor::Lasso => "the same with LASSO codes over Dl, then Dh (paper 4.4)",
+        PatchPredictor::Network => {
+            "the same with a small feed-forward network in place of codes and Dh (not in the paper)"
+        }
     }
 }
 

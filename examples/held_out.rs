@@ -1,0 +1,215 @@
+//! What every method makes of pictures that nothing was trained on:
+//! `cargo run --release --example held_out -- [--photos FILE…] [--fields LIGHT_FIELD…] [--seeds N] [--sensor N] [--table]`
+//!
+//! Each photo is the background of a scene, the two after it stand before it at other depths (as `simulate --photo` does it);
+//! the simulated camera (another for every seed, noise as in `simulate`) takes it, the capture is calibrated and decoded, and
+//! the middle view of 7×7 compared with the truth. Light fields rendered by others have their middle 7×7 views (fewer where
+//! there are fewer) sampled on a hexagonal lattice of pitch 1080/328 pixels at a phase by the seed, without noise, and
+//! recovered at their own size.
+//!
+//! Prints one JSON object: for the photos together and each light field, of every method, PSNR of luminance and colour (dB,
+//! sRGB-encoded, 12 pixels of border left out): mean and standard deviation over captures, and of luminance the paired margin
+//! over no codes on the same views. `--table`: the same as Markdown.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, ensure};
+use clap::Parser as _;
+use lenslet_core::calibration::{self, CalibrationOptions};
+use lenslet_core::decode::{self, HexSamples};
+use lenslet_core::dictionary::{Dictionary, PatchPredictor};
+use lenslet_core::geometry::Size;
+use lenslet_core::interpolation::Interpolation;
+use lenslet_core::lightfield::{self, ColourSpace, LightField, ReadOptions, colour};
+use lenslet_core::metrics::{BORDER, Scores, Window};
+use lenslet_core::progress::Silent;
+use lenslet_core::sampling::{DEFAULT_PITCH, DEFAULT_ROTATION, Footprint, lattice_samples};
+use lenslet_data_gen::simulate::{self, Camera, SimulationOptions};
+use lenslet_views::reconstruct::{Mode, Options, embedded_dictionary_for};
+use lenslet_views::{LearnedViews, RenderSamples as _};
+use ndarray::{Array3, s};
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+use serde_json::{Map, Value, json};
+
+/// Views a side.
+const VIEWS: usize = 7;
+/// Photos of a scene.
+const PHOTOS: usize = 3;
+
+/// What every method makes of pictures that nothing was trained on
+#[derive(clap::Parser)]
+struct Arguments {
+    /// Photos; each is a scene's background
+    #[arg(long, num_args = 1..)]
+    photos: Vec<PathBuf>,
+    /// Light fields of any format, square and odd
+    #[arg(long, num_args = 1..)]
+    fields: Vec<PathBuf>,
+    /// Captures of each scene or light field
+    #[arg(long, default_value_t = 2)]
+    seeds: u64,
+    /// Side of the simulated sensor, pixels
+    #[arg(long, default_value_t = 820)]
+    sensor: usize,
+    /// Print Markdown
+    #[arg(long)]
+    table: bool,
+}
+
+/// PSNR of luminance and of colour by method, in the order of the table.
+type Row = Vec<(String, [f64; 2])>;
+
+fn score(view: &Array3<f32>, truth: &Array3<f32>) -> anyhow::Result<[f64; 2]> {
+    let scores = Scores::between(view.view(), truth.view(), &Window::without_border(BORDER))?;
+    Ok([scores.psnr_y, scores.psnr_rgb])
+}
+
+/// Every method on the middle view.
+fn row(
+    samples: &HexSamples,
+    target: Size,
+    truth: &Array3<f32>,
+    learned: &[(Interpolation, Dictionary)],
+) -> anyhow::Result<Row> {
+    let middle = samples.views / 2;
+    let (mut row, mut low) = (Row::new(), BTreeMap::new());
+    for interpolation in Interpolation::ALL {
+        let view = samples.renderer(interpolation).size(target).prepare()?.view(middle, middle)?;
+        row.push((interpolation.name().into(), score(view.encode().pixels(), truth)?));
+        low.insert(interpolation, view);
+    }
+    for (base, dictionary) in learned {
+        let on = if *base == Interpolation::Barycentric { String::new() } else { format!(" on {base}") };
+        let model = dictionary.model(Options::default().footprint).context("an embedded dictionary is empty")?;
+        for predictor in model.patch_model.predictors() {
+            let options = Options { mode: Mode::of(predictor), ..Options::default() };
+            let prepared = LearnedViews::prepare(samples, *base, &target, dictionary, &options, &Silent)?;
+            let view = prepared.reconstruct_view(&low[base], middle, middle)?;
+            row.push((format!("{predictor}{on}"), score(view.encode().pixels(), truth)?));
+        }
+    }
+    Ok(row)
+}
+
+/// A capture of photos at depths.
+fn photographed(
+    photos: &[PathBuf],
+    seed: u64,
+    sensor: usize,
+    learned: &[(Interpolation, Dictionary)],
+) -> anyhow::Result<Row> {
+    let camera = Camera::with_sensor(sensor).perturbed(seed);
+    let scene = simulate::photo_scene(photos, &camera, None, seed, &Silent)?;
+    let options = SimulationOptions { seed, ..SimulationOptions::default() };
+    let simulation = simulate::render_capture(&scene, &camera, &options, &Silent)?;
+    let (width, height) = simulate::output_size(&camera, (sensor * 1080 + 1640) / 3280);
+    let mut truth = simulate::true_view(&scene, &camera, [0.0; 2], (width, height));
+    colour::convert(&mut truth, ColourSpace::Linear, ColourSpace::Srgb);
+    let calibration = calibration::calibrate(&simulation.whites, &CalibrationOptions::default(), &Silent)?;
+    let samples = decode::sample_views(&simulation.capture, &calibration, &decode::Options::default(), &Silent)?;
+    row(&samples, Size { width, height }, &truth, learned)
+}
+
+/// The middle views of a light field, sampled on a hexagonal lattice.
+fn sampled(field: &LightField, seed: u64) -> anyhow::Result<HexSamples> {
+    let (rows, columns, height, width, channels) = field.data.dim();
+    ensure!(rows == columns && rows % 2 == 1, "{rows}x{columns} views: a square, odd number is needed");
+    let views = VIEWS.min(rows);
+    let first = (rows - views) / 2;
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let phase = [rng.random::<f64>(), rng.random::<f64>()];
+    let (mut centres, mut index, mut values) = (Vec::new(), Vec::new(), Vec::new());
+    for (v, u) in (0..views * views).map(|k| (first + k / views, first + k % views)) {
+        let view = field.data.slice(s![v, u, .., .., ..]);
+        let (placed, found) = lattice_samples(view, DEFAULT_PITCH, DEFAULT_ROTATION, phase, Footprint::Bilinear)?;
+        (centres, index) = (placed.centres, placed.index);
+        values.extend(found);
+    }
+    let values = Array3::from_shape_vec((views * views, centres.len(), channels), values)?;
+    let weights = vec![1.0; views * views];
+    Ok(HexSamples { sensor: (width, height), centres, index, views, view_step: 1.0, weights, values })
+}
+
+/// Captures of a light field rendered by others.
+fn rendered(path: &Path, seeds: u64, learned: &[(Interpolation, Dictionary)]) -> anyhow::Result<Vec<Row>> {
+    let mut field = lightfield::load(path, &ReadOptions::default())?;
+    let middle = field.meta.views[0] / 2;
+    let mut truth = field.data.slice(s![middle, middle, .., .., ..]).to_owned();
+    colour::convert(&mut truth, field.meta.colour, ColourSpace::Srgb);
+    colour::convert(&mut field.data, field.meta.colour, ColourSpace::Linear);
+    field.meta.colour = ColourSpace::Linear;
+    let target = Size { width: field.meta.size[1], height: field.meta.size[0] };
+    (1..=seeds).map(|seed| row(&sampled(&field, seed)?, target, &truth, learned)).collect()
+}
+
+fn mean_and_spread(values: &[f64]) -> [f64; 2] {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
+    [mean, if values.len() > 1 { (squares / (n - 1.0)).sqrt() } else { 0.0 }]
+}
+
+/// Of every method: mean and spread, and the margin over no codes.
+fn summary(rows: &[Row]) -> Value {
+    let methods = rows.first().map_or(&[][..], Vec::as_slice).iter().map(|m| &m.0);
+    let of = |row: &Row, name: &str, k: usize| row.iter().find(|m| m.0 == name).map(|m| m.1[k]);
+    let methods = methods.map(|name| {
+        let column = |k: usize| mean_and_spread(&rows.iter().filter_map(|r| of(r, name, k)).collect::<Vec<_>>());
+        let no_codes = PatchPredictor::NoCodes.name();
+        let refined = name.contains("multiview");
+        let against = if refined { format!("{no_codes} on multiview") } else { no_codes.to_owned() };
+        let margins: Vec<f64> = rows.iter().filter_map(|r| Some(of(r, name, 0)? - of(r, &against, 0)?)).collect();
+        let value = json!({ "psnr_y": column(0), "psnr_rgb": column(1), "over_no_codes": mean_and_spread(&margins) });
+        (name.clone(), value)
+    });
+    json!({ "captures": rows.len(), "methods": methods.collect::<Map<_, _>>() })
+}
+
+fn markdown(name: &str, summary: &Value) -> String {
+    let mut text =
+        format!("| {name}, {} captures | Y dB | over no codes, Y | RGB dB |\n|---|--:|--:|--:|\n", summary["captures"]);
+    for (method, value) in summary["methods"].as_object().into_iter().flatten() {
+        let part = |key: &str, k: usize| value[key][k].as_f64().unwrap_or(f64::NAN);
+        text += &format!(
+            "| {method} | {:.2} ± {:.2} | {:+.2} ± {:.2} | {:.2} ± {:.2} |\n",
+            part("psnr_y", 0),
+            part("psnr_y", 1),
+            part("over_no_codes", 0),
+            part("over_no_codes", 1),
+            part("psnr_rgb", 0),
+            part("psnr_rgb", 1)
+        );
+    }
+    text
+}
+
+#[allow(clippy::print_stdout)]
+fn main() -> anyhow::Result<()> {
+    let a = Arguments::parse();
+    ensure!(!a.photos.is_empty() || !a.fields.is_empty(), "name photos or light fields");
+    let learned = [Interpolation::Barycentric, Interpolation::Multiview]
+        .map(|base| Ok::<_, anyhow::Error>((base, embedded_dictionary_for(base)?)));
+    let learned = learned.into_iter().collect::<anyhow::Result<Vec<_>>>()?;
+    let mut out = Map::new();
+    if !a.photos.is_empty() {
+        let mut rows = Vec::new();
+        for (k, seed) in (0..a.photos.len()).flat_map(|k| (1..=a.seeds).map(move |seed| (k, seed))) {
+            let count = PHOTOS.min(a.photos.len());
+            let scene: Vec<PathBuf> = (0..count).map(|j| a.photos[(k + j) % a.photos.len()].clone()).collect();
+            rows.push(photographed(&scene, seed, a.sensor, &learned)?);
+        }
+        out.insert("photos".into(), summary(&rows));
+    }
+    for field in &a.fields {
+        let name = field.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+        out.insert(name, summary(&rendered(field, a.seeds, &learned)?));
+    }
+    if a.table {
+        out.iter().for_each(|(name, summary)| println!("{}", markdown(name, summary)));
+    } else {
+        println!("{}", Value::Object(out));
+    }
+    Ok(())
+}

@@ -1,0 +1,54 @@
+//! `--check` on spoiled dictionaries: each makes an ordering fail that the shipped ones keep.
+
+use lenslet_core::dictionary::Dictionary;
+use lenslet_core::interpolation::Interpolation;
+use lenslet_core::progress::Silent;
+use lenslet_data_gen::simulate::SceneName;
+use lenslet_views::reconstruct::embedded_dictionary_for;
+
+use super::matrix::Subject;
+use super::orderings::{broken_orderings, judge_orderings};
+use super::run_one::{Caches, run_one};
+use super::{Experiment, Record, Settings, UsedDictionaries, plan};
+use spoil::SPOILINGS;
+
+#[path = "../../../../tests/spoil/mod.rs"]
+mod spoil;
+
+/// The orderings that must hold and do not with these dictionaries, on one capture of one scene.
+fn broken_with(dictionaries: Vec<Dictionary>, caches: &mut Caches) -> Vec<String> {
+    let settings = Settings {
+        experiments: vec![Experiment::Resampling],
+        quick: true,
+        seeds: 1,
+        dictionaries: UsedDictionaries::new(dictionaries).unwrap(),
+        ..Settings::default()
+    };
+    let out = tempfile::tempdir().unwrap();
+    let natural = Subject::Scene(SceneName::Natural.into());
+    let runs = plan(&settings).unwrap().into_iter().filter(|run| run.subject == natural);
+    let records: Vec<Record> = runs
+        .map(|run| {
+            let scored = run_one(&run, &settings, caches, out.path(), &Silent);
+            Record::new(&run, scored, 0.0, &settings)
+        })
+        .collect();
+    assert!(records.iter().all(|r| r.failed.is_none()), "{records:?}");
+    broken_orderings(&judge_orderings(&records), &records)
+}
+
+#[test]
+fn no_spoiled_dictionary_passes_the_check() {
+    let shipped =
+        [Interpolation::Barycentric, Interpolation::Multiview].map(|base| embedded_dictionary_for(base).unwrap());
+    let mut caches = Caches::new(&Settings { quick: true, ..Settings::default() });
+    assert_eq!(broken_with(Vec::new(), &mut caches), [""; 0]);
+    for spoiling in &SPOILINGS {
+        for (dictionary, on) in shipped.iter().zip(["", " on multiview"]) {
+            let Some(spoiled) = spoiling.of(dictionary) else { continue };
+            let broken = broken_with(vec![spoiled], &mut caches);
+            let named = format!("resampling: {}{on} is not over", spoiling.predictor);
+            assert!(broken.iter().any(|b| b.starts_with(&named)), "{}{on}: {broken:?}", spoiling.name);
+        }
+    }
+}
