@@ -35,8 +35,8 @@ const fn must(
     Ordering { experiment, better, worse, least: Some(least) }
 }
 
-/// Every ordering. The least margins are half of what `lenslet ablate --quick` measures (luminance; natural, photos).
-/// Source: `lenslet ablate --quick --experiment calibration subpixel resampling`.
+/// Every ordering. The least margins are half of what
+/// `lenslet ablate --quick --experiment calibration subpixel resampling` measured (luminance; natural, photos).
 const ORDERINGS: [Ordering; 22] = [
     over("calibration", "full", "rotation only"),
     over("calibration", "rotation only", "none"),
