@@ -73,8 +73,8 @@ fn calibration_finds_the_true_centres_and_methods_come_in_their_order() {
     println!("bicubic {bicubic:.2} dB, barycentric {barycentric:.2} dB, cubic {cubic:.2} dB");
     println!("no codes {no_codes:.2} dB, ridge {ridge:.2} dB, LASSO {learned:.2} dB");
     assert!(bicubic > 20.0 && barycentric > bicubic + 0.5, "{bicubic} {barycentric}");
-    // Half of what was printed.
-    for (worse, least) in [(barycentric, 0.0), (cubic, 0.0), (no_codes, 0.0), (ridge, 0.0)] {
+    // Half of the margins of `cargo test --release --test simulate calibration -- --nocapture`: +1.63, +0.18, +0.69, +0.42.
+    for (worse, least) in [(barycentric, 0.8), (cubic, 0.09), (no_codes, 0.34), (ridge, 0.21)] {
         assert!(learned > worse + least, "{learned} is not {least} over {worse}");
     }
 }
