@@ -119,9 +119,10 @@ mod tests {
             record("noise", "fresh", 1, Some(1.0)),
         ];
         let changes = compare_runs(&old, &new);
-        assert_eq!(changes.len(), 2);
+        // PSNR of colour and of luminance, of both rows that both runs have.
+        assert_eq!(changes.len(), 4);
         assert!(changes[0].clear && changes[0].direction == 1 && !changes[1].clear);
-        assert!(describe_changes(&changes).contains("2 scores compared, 1 differ"));
+        assert!(describe_changes(&changes).contains("4 scores compared, 2 differ"));
         assert!(super::compare_runs(&new, &old)[0].direction == -1);
     }
 }

@@ -128,8 +128,7 @@ fn scores_section(page: &mut Page, results: &[Reconstruction]) {
     page.paragraph(
         "The rows from no codes to network are learned reconstruction of the barycentric views, those on multiview of the \
          refined ones: the same steps around another predictor, so that what a dictionary gives is its margin over no \
-         codes. Of these, decode --method learned runs LASSO; learned on multiview runs the network. No dictionary was \
-         trained on this scene or another of its kind.",
+         codes. Of these, decode --method learned runs LASSO; learned on multiview runs the network.",
     );
 }
 
