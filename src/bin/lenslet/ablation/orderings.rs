@@ -40,26 +40,27 @@ const fn must(
 const ORDERINGS: [Ordering; 22] = [
     over("calibration", "full", "rotation only"),
     over("calibration", "rotation only", "none"),
-    must("calibration", "full", "none", [0.0, 0.0]),
-    must("subpixel", "lattice and residual", "whole pixels", [0.0, 0.0]),
+    must("calibration", "full", "none", [1.90, 0.00]),
+    must("subpixel", "lattice and residual", "whole pixels", [0.15, 0.00]),
     over("subpixel", "paraboloids", "whole pixels"),
     over("subpixel", "lattice and residual", "paraboloids"),
-    must("resampling", "barycentric", "bicubic", [0.0, 0.0]),
-    must("resampling", "cubic", "barycentric", [0.0, 0.0]),
+    must("resampling", "barycentric", "bicubic", [1.07, 0.94]),
+    must("resampling", "cubic", "barycentric", [0.93, 0.60]),
     over("resampling", "multiview", "barycentric"),
-    must("resampling", "multiview", "cubic", [0.0, 0.0]),
-    must("resampling", "LASSO", "barycentric", [0.0, 0.0]),
-    must("resampling", "LASSO", "cubic", [0.0, 0.0]),
-    must("resampling", "LASSO", "no codes", [0.0, 0.0]),
-    must("resampling", "LASSO", "ridge", [0.0, 0.0]),
-    must("resampling", "anchored", "ridge", [0.0, 0.0]),
-    must("resampling", "network", "ridge", [0.0, 0.0]),
-    must("resampling", "ridge", "no codes", [0.0, 0.0]),
-    must("resampling", "LASSO on multiview", "no codes on multiview", [0.0, 0.0]),
-    must("resampling", "ridge on multiview", "no codes on multiview", [0.0, 0.0]),
-    must("resampling", "anchored on multiview", "no codes on multiview", [0.0, 0.0]),
-    must("resampling", "network on multiview", "no codes on multiview", [0.0, 0.0]),
-    must("resampling", "network on multiview", "multiview", [0.0, 0.0]),
+    must("resampling", "multiview", "cubic", [2.00, 2.30]),
+    must("resampling", "LASSO", "barycentric", [1.17, 1.00]),
+    must("resampling", "LASSO", "cubic", [0.23, 0.40]),
+    must("resampling", "LASSO", "no codes", [0.62, 0.47]),
+    must("resampling", "LASSO", "ridge", [0.38, 0.29]),
+    must("resampling", "anchored", "ridge", [0.33, 0.32]),
+    must("resampling", "network", "ridge", [0.34, 0.22]),
+    must("resampling", "ridge", "no codes", [0.23, 0.18]),
+    must("resampling", "LASSO on multiview", "no codes on multiview", [0.13, 0.21]),
+    // One linear filter is worth nothing on refined views.
+    over("resampling", "ridge on multiview", "no codes on multiview"),
+    must("resampling", "anchored on multiview", "no codes on multiview", [0.15, 0.10]),
+    must("resampling", "network on multiview", "no codes on multiview", [0.98, 0.95]),
+    must("resampling", "network on multiview", "multiview", [1.00, 0.97]),
 ];
 
 /// The least margin that counts besides the spread, dB.
@@ -228,7 +229,7 @@ mod tests {
         let lasso = find(&verdicts, "LASSO", "no codes");
         assert!(!lasso.holds && !lasso.reversed && lasso.name() == "within the spread");
         // An experiment in the records without the rows that must be compared counts as a failure.
-        let some = &records[..4];
+        let some = &records[..2];
         let broken = broken_orderings(&judge_orderings(some), some);
         assert!(broken.iter().any(|b| b.contains("could not be compared")), "{broken:?}");
     }

@@ -2,6 +2,7 @@
 
 use lenslet_core::calibration::CalibrationVariant;
 use lenslet_core::decode::Demosaic;
+use lenslet_core::dictionary::PatchPredictor;
 use lenslet_train::Algorithm;
 
 use super::chain::{Chain, Training};
@@ -17,7 +18,7 @@ pub(super) fn as_printed() -> Vec<(String, Chain)> {
     let malvar = || Chain { demosaic: Demosaic::Malvar, ..base() };
     let by = |method| Chain { method, ..base() };
     let joint = |algorithm| Chain {
-        method: Method::Learned,
+        method: Method::Learned(PatchPredictor::Lasso),
         training: Some(Training {
             atoms: 128,
             patch: 9,
