@@ -247,22 +247,3 @@ fn the_embedded_dictionary_is_whole() {
     let size = std::fs::metadata(concat!(env!("CARGO_MANIFEST_DIR"), "/dictionaries/default.lfd")).unwrap().len();
     assert!(size <= 8 << 20, "{size}");
 }
-
-#[test]
-fn cards_describe_the_files_beside_them() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("dictionaries");
-    let mut cards = 0;
-    for entry in std::fs::read_dir(&folder).unwrap() {
-        let file = entry.unwrap().path();
-        if file.extension().is_none_or(|e| e != "lfd") {
-            continue;
-        }
-        let bytes = std::fs::read(&file).unwrap();
-        let card = std::fs::read_to_string(file.with_extension("md")).unwrap();
-        let (hash, size) = (lenslet_core::digest::sha256_hex(&bytes), bytes.len());
-        assert!(card.contains(&hash), "{}: the hash is {hash}", file.display());
-        assert!(card.contains(&format!("size: {size} bytes")), "{}: the size is {size}", file.display());
-        cards += 1;
-    }
-    assert_eq!(cards, 5);
-}
