@@ -50,6 +50,8 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let mut inputs = vec![args.source.input.as_path()];
     inputs.extend(args.learned.dictionary.as_deref());
     args.written.check(&inputs)?;
+    // A dictionary that cannot be used ends the run before anything is read or noted.
+    let given = args.learned.dictionary.as_deref().map(dict::find).transpose()?;
     let source = args.source.open(context)?;
     belong::refuse_learned(source.meta(), &args.source.input)?;
     let mut meta = source.meta().clone();
@@ -62,7 +64,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         (None, Some(grid)) => (grid.to_path_buf(), Footprint::Grid),
         (None, None) => (PathBuf::from(embedded_name(&meta)), footprint),
     };
-    let found = dict::find(&name)?;
+    let found = given.map_or_else(|| dict::find(&name), Ok)?;
     let options = Options { footprint, ..args.learned.options() };
     let mode = options.mode.name();
     // Samples belong to views of the size that they were interpolated at.
