@@ -270,10 +270,11 @@ fn odd_names_and_links() {
         assert!(world.folder.path().join(&out).join("view_00_00.png").exists());
     }
     failed(&world.run(&["info", "link-to-itself"]), &["link-to-itself"]);
-    // An output that is a link is replaced, not followed.
+    // An output that is a link is neither followed nor replaced.
     fs::write(world.at("precious"), "mine").unwrap();
     std::os::unix::fs::symlink("precious", world.at("out.calib")).unwrap();
-    failed(&world.run(&["calibrate", "white.lfp", "--out", "out.calib"]), &["out.calib", "--force"]);
-    assert!(world.run(&["calibrate", "white.lfp", "--out", "out.calib", "--force"]).status.success());
+    failed(&world.run(&["calibrate", "white.lfp", "--out", "out.calib"]), &["out.calib"]);
+    failed(&world.run(&["calibrate", "white.lfp", "--out", "out.calib", "--force"]), &["out.calib", "a link"]);
+    assert_eq!(fs::read_link(world.at("out.calib")).unwrap(), Path::new("precious"));
     assert_eq!(fs::read(world.at("precious")).unwrap(), b"mine");
 }

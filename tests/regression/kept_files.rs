@@ -151,10 +151,20 @@ fn an_input_is_never_replaced_nor_what_holds_it() {
         "decode s1/capture.lfp -c cam.calib --size 30 --views 1 --out s1",
         "extract s1/capture.lfp --out s1",
         "gen-pairs s1/truth/views --pairs 50 --crop 48 --shrink 1 --out s1",
+        "decode s1/capture.lfp -c cam.calib --size 30 --views 1 --format npy --out s1/capture.lfp",
+    ] {
+        keeps_all(&bench, line, &[]);
+    }
+    // The ending alone forbids these.
+    for line in [
         "decode s1/capture.lfp -c cam.calib --size 30 --views 1 --out s1/capture.lfp",
         "calibrate s1/white-00.lfp --out s1/white-00.lfp",
     ] {
-        keeps_all(&bench, line, &[]);
+        let before = tree(bench.path());
+        for more in ["", " --force"] {
+            assert_eq!(bench.run(&format!("{line}{more}")).code, Some(2), "{line}{more}");
+            assert!(tree(bench.path()) == before, "{line}{more} changed something");
+        }
     }
 }
 
