@@ -4,8 +4,14 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
 
+#[path = "regression/batches.rs"]
+mod batches;
 #[path = "regression/bench.rs"]
 mod bench;
+#[path = "regression/captures.rs"]
+mod captures;
+#[path = "regression/containers.rs"]
+mod containers;
 #[path = "regression/disparity.rs"]
 mod disparity;
 #[path = "regression/exports.rs"]
@@ -24,5 +30,7 @@ mod small_files;
 mod streams;
 #[path = "regression/values.rs"]
 mod values;
+#[path = "regression/whites.rs"]
+mod whites;
 #[path = "regression/writers.rs"]
 mod writers;

@@ -61,6 +61,17 @@ pub enum Error {
         /// Which of the images, counted from 1.
         index: usize,
     },
+    /// An image given as white that shows a scene.
+    #[error(
+        "image {index} is no white image: a scene shows in it (neighbouring lenslets differ by {percent:.0} %); give white \
+         images, captures of an evenly lit white surface, or calibrate from ordinary captures with --from-captures"
+    )]
+    NotWhite {
+        /// Which of the images, counted from 1.
+        index: usize,
+        /// How much the light of a lenslet differs from its neighbours', per cent.
+        percent: f64,
+    },
     /// The image does not show a lenslet pattern.
     #[error(
         "no lenslet pattern found ({reason}); is this a white image of a lenslet camera, as it came from the sensor?"
@@ -129,7 +140,8 @@ impl Error {
             Error::BadImage { index, .. }
             | Error::SizesDiffer { index, .. }
             | Error::CamerasDiffer { index, .. }
-            | Error::NotBlack { index } => index.checked_sub(1),
+            | Error::NotBlack { index }
+            | Error::NotWhite { index, .. } => index.checked_sub(1),
             _ => None,
         }
     }

@@ -56,8 +56,13 @@ pub fn screen_captures<'a>(
     Ok(kept)
 }
 
+/// The name of an image, where the options give one.
+pub fn name_of(n: usize, options: &CalibrationOptions) -> String {
+    options.names.get(n).cloned().unwrap_or_else(|| format!("image {}", n + 1))
+}
+
 /// Notes which image was left out and why, by its name where the options give one.
 pub fn note_left_out(n: usize, why: &Error, options: &CalibrationOptions, observer: &dyn Observer) {
-    let name = options.names.get(n).cloned().unwrap_or_else(|| format!("image {}", n + 1));
+    let name = name_of(n, options);
     observer.note(&format!("{name}: left out: {why}"));
 }

@@ -63,6 +63,7 @@ pub(super) fn unpack_image(
     bytes: &[u8],
     warnings: &mut Vec<String>,
 ) -> Result<RawMosaic, Error> {
+    facts.check_supported(path)?;
     let from_profile = profile.map(|p| (p.sensor.width, p.sensor.height));
     let Some((width, height)) = facts.size.or(from_profile) else {
         return Err(Error::unsupported(
@@ -84,6 +85,17 @@ pub(super) fn unpack_image(
     }
     let needed = width.checked_mul(height).and_then(|n| packing.bytes(n)).unwrap_or(usize::MAX);
     if bytes.len() > needed {
+        // Two bits a pixel more: the stated depth and the bytes contradict each other.
+        if (bytes.len() - needed) as u64 * 8 >= 2 * (width * height) as u64 {
+            return Err(Error::malformed(
+                path,
+                format!(
+                    "the metadata state {width}x{height} pixels of {} bit, {needed} bytes, but the image has {}: they contradict each other",
+                    packing.bits(),
+                    bytes.len()
+                ),
+            ));
+        }
         warnings.push(format!(
             "the image has {} bytes, {} more than {width}x{height} of {} bit need",
             bytes.len(),
@@ -102,7 +114,15 @@ pub(super) fn unpack_image(
             ),
         )
     })?;
-    Ok(RawMosaic { width, height, data })
+    Ok(RawMosaic { width, height, data: shifted(data, facts.right_shift) })
+}
+
+/// Values without the low bits that hold nothing.
+pub(super) fn shifted(mut data: Vec<u16>, right_shift: u32) -> Vec<u16> {
+    if right_shift > 0 {
+        data.iter_mut().for_each(|v| *v = v.checked_shr(right_shift).unwrap_or(0));
+    }
+    data
 }
 
 /// The built-in profile for a camera's model name, else for the length of its packed image.

@@ -77,6 +77,21 @@ pub enum Error {
 }
 
 impl Error {
+    /// The error with what was noticed before it: that is often its reason.
+    #[must_use]
+    pub(crate) fn after(mut self, warnings: &[String]) -> Error {
+        if let Error::NotRecognised { reason, .. }
+        | Error::Malformed { reason, .. }
+        | Error::Unsupported { reason, .. } = &mut self
+        {
+            for warning in warnings {
+                reason.push_str("; before that: ");
+                reason.push_str(warning);
+            }
+        }
+        self
+    }
+
     pub(crate) fn io(path: &Path) -> impl FnOnce(io::Error) -> Error + '_ {
         move |source| Error::Io { path: path.to_path_buf(), source }
     }

@@ -7,6 +7,14 @@ use serde_json::Value;
 /// about 330 MiB.
 pub const MAX_TEXT: usize = 8 << 20;
 
+/// Longest JSON text that [`parse_damaged`] shortens, bytes.
+/// Source: chosen.
+pub const MAX_DAMAGED: usize = 64 << 20;
+
+/// Strings longer than this are left out of a text that is too long, bytes; no fact of a camera is that long.
+/// Source: chosen.
+const LONG_STRING: usize = 4096;
+
 /// Parses the first JSON value of `bytes`; what follows it is ignored, nesting deeper than 128 is refused.
 ///
 /// # Errors
@@ -25,6 +33,84 @@ pub fn parse(bytes: &[u8]) -> Result<Value, String> {
     }
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     Value::deserialize(&mut serde_json::Deserializer::from_slice(bytes)).map_err(|e| format!("not valid JSON: {e}"))
+}
+
+/// Parses JSON that is damaged in a few places, as [`parse`] else: bytes that are not UTF-8 are taken as Latin-1, `NaN`
+/// and `Infinity` as null, and of a text too long for [`parse`] the long strings are left out. Says what was mended.
+///
+/// # Errors
+/// As [`parse`], where the text cannot be read in that way either.
+///
+/// ```
+/// use lenslet_core::container::json;
+///
+/// let (value, mended) = json::parse_damaged(b"{\"owner\": \"J\xfcrgen\", \"lambda\": NaN, \"iso\": 80}").unwrap();
+/// assert_eq!((json::integer_at(&value, "iso"), json::text_at(&value, "owner").unwrap()), (Some(80), "Jürgen".into()));
+/// assert!(mended.unwrap().contains("line 1"));
+/// assert_eq!(json::parse_damaged(b"{}").unwrap().1, None);
+/// ```
+pub fn parse_damaged(bytes: &[u8]) -> Result<(Value, Option<String>), String> {
+    let reason = match parse(bytes) {
+        Ok(value) => return Ok((value, None)),
+        Err(reason) => reason,
+    };
+    if bytes.len() > MAX_DAMAGED {
+        return Err(reason);
+    }
+    let mended = mend(bytes);
+    match parse(&mended) {
+        Ok(value) => Ok((value, Some(format!("{reason}; what can be read of it is used")))),
+        Err(_) => Err(reason),
+    }
+}
+
+/// The text with long strings left out, and with valid bytes and words for those that are not.
+fn mend(bytes: &[u8]) -> Vec<u8> {
+    let shorten = bytes.len() > MAX_TEXT;
+    let mut out = Vec::with_capacity(bytes.len().min(MAX_TEXT) + 64);
+    let mut k = 0;
+    while k < bytes.len() {
+        let rest = &bytes[k..];
+        if bytes[k] == b'"' {
+            let length = string_length(rest);
+            if !(shorten && length > LONG_STRING) {
+                for part in rest[..length].utf8_chunks() {
+                    out.extend_from_slice(part.valid().as_bytes());
+                    let latin: String = part.invalid().iter().map(|&b| char::from(b)).collect();
+                    out.extend_from_slice(latin.as_bytes());
+                }
+            } else {
+                out.extend_from_slice(b"\"\"");
+            }
+            k += length;
+            continue;
+        }
+        let word = [&b"-Infinity"[..], b"Infinity", b"-NaN", b"NaN"].into_iter().find(|w| rest.starts_with(w));
+        match word {
+            Some(word) => {
+                out.extend_from_slice(b"null");
+                k += word.len();
+            }
+            None => {
+                out.push(bytes[k]);
+                k += 1;
+            }
+        }
+    }
+    out
+}
+
+/// Length of the string that begins `bytes`, both quotes included; all of them where it does not end.
+fn string_length(bytes: &[u8]) -> usize {
+    let mut k = 1;
+    while k < bytes.len() {
+        match bytes[k] {
+            b'"' => return k + 1,
+            b'\\' => k += 2,
+            _ => k += 1,
+        }
+    }
+    bytes.len()
 }
 
 /// Whether `bytes` look like the start of a JSON object.

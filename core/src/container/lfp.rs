@@ -29,6 +29,13 @@ pub struct LocatedFrame {
     processed: bool,
 }
 
+impl LocatedFrame {
+    /// Whether the file holds renderings of a capture (-stk, -dm).
+    pub fn is_processed(&self) -> bool {
+        self.processed
+    }
+}
+
 /// Finds the first frame a container's table of contents names.
 ///
 /// # Errors
@@ -91,7 +98,8 @@ pub(super) fn capture_from_container(container: &Container, profile: Option<&Cam
     warnings.extend(damaged);
     let guessed = profile_for(&facts, image.length);
     let profile = profile.or(guessed);
-    let pixels = unpack_image(container.path(), &facts, profile, &bytes, &mut warnings)?;
+    let pixels = unpack_image(container.path(), &facts, profile, &bytes, &mut warnings);
+    let pixels = pixels.map_err(|e| e.after(&warnings))?;
     let white = own_white_image(container, &entry, &facts, profile, &mut warnings)?;
     let mut capture = assemble_capture(pixels, facts, profile, container.sha256()?, warnings);
     capture.white = white.map(Box::new);
@@ -119,7 +127,10 @@ fn own_white_image(
     own.extend(more);
     // The same sensor: facts that the white image lacks are those of the capture.
     white_facts.size = white_facts.size.or(facts.size);
-    white_facts.packing = white_facts.packing.or(facts.packing);
+    if white_facts.packing.is_none() {
+        white_facts.packing = facts.packing;
+        white_facts.right_shift = facts.right_shift;
+    }
     white_facts.cfa = white_facts.cfa.or(facts.cfa);
     white_facts.levels = white_facts.levels.or_else(|| facts.levels.clone());
     white_facts.mla = white_facts.mla.or_else(|| facts.mla.clone());
@@ -156,14 +167,17 @@ fn read_document(
     let Some(segment) = json::text_at(frame, key).and_then(|r| container.find(&r)) else {
         return Ok(None);
     };
-    if segment.length > json::MAX_TEXT as u64 {
+    if segment.length > json::MAX_DAMAGED as u64 {
         warnings.push(format!("{key}: {} bytes are too many for metadata; ignored", segment.length));
         return Ok(None);
     }
     let (bytes, damaged) = container.checked(segment)?;
     warnings.extend(damaged);
-    Ok(match json::parse(&bytes) {
-        Ok(value) => Some(value),
+    Ok(match json::parse_damaged(&bytes) {
+        Ok((value, mended)) => {
+            warnings.extend(mended.map(|what| format!("{key}: {what}")));
+            Some(value)
+        }
         Err(e) => {
             warnings.push(format!("{key}: {e}; ignored"));
             None

@@ -33,6 +33,8 @@ pub struct Member {
     pub length: u64,
     /// Its `sha1-…` as stated by the bundle, if it lies in one.
     pub sha1: Option<String>,
+    /// The bundle (its first volume) or archive that it lies in, if it is not a file by itself.
+    pub archive: Option<PathBuf>,
 }
 
 impl Member {
@@ -42,6 +44,17 @@ impl Member {
         match last.rsplit_once('.') {
             Some((stem, extension)) => (stem.to_string(), extension.to_string()),
             None => (last, String::new()),
+        }
+    }
+
+    /// What it lies in: the archive (empty for plain files) and the folder. Files that belong together have both in common.
+    pub fn place(&self) -> (PathBuf, PathBuf) {
+        match &self.archive {
+            Some(archive) => {
+                let folder = self.name.rsplit_once(['\\', '/']).map_or("", |(folder, _)| folder);
+                (archive.clone(), PathBuf::from(folder.replace('\\', "/")))
+            }
+            None => (PathBuf::new(), self.path.parent().map(Path::to_path_buf).unwrap_or_default()),
         }
     }
 
@@ -133,7 +146,14 @@ fn add_folder(path: &Path, depth: usize, seen: &mut HashSet<PathBuf>, out: &mut 
                 Ok(true) => {}
                 Ok(false) => {
                     let name = entry.file_name().unwrap_or_default().to_string_lossy().into_owned();
-                    out.list.push(Member { name, path: entry, offset: 0, length: meta.len(), sha1: None });
+                    out.list.push(Member {
+                        name,
+                        path: entry,
+                        offset: 0,
+                        length: meta.len(),
+                        sha1: None,
+                        archive: None,
+                    });
                 }
                 Err(e) => out.warnings.push(format!("left out: {e}")),
             }
@@ -212,6 +232,7 @@ fn add_bundle(path: &Path, seen: &mut HashSet<PathBuf>, out: &mut Members) -> Re
                     offset: s.offset + HEADER,
                     length: s.length,
                     sha1: Some(sha1.clone()),
+                    archive: Some(path.to_path_buf()),
                 },
             )),
             None => out.warnings.push(format!("{}: {name} ({sha1}) is named but not in the bundle", path.display())),
@@ -257,7 +278,14 @@ fn list_archive(path: &Path) -> Result<Vec<Member>, Error> {
         if matches!(head[156], 0 | b'0') {
             let (prefix, name) = (text(345..500), text(0..100));
             let name = if prefix.is_empty() { name } else { format!("{prefix}/{name}") };
-            out.push(Member { name, path: path.to_path_buf(), offset: position + 512, length: size, sha1: None });
+            out.push(Member {
+                name,
+                path: path.to_path_buf(),
+                offset: position + 512,
+                length: size,
+                sha1: None,
+                archive: Some(path.to_path_buf()),
+            });
         }
         if out.len() > MAX_FILES {
             let (value, limit) = (MAX_FILES as u64 + 1, MAX_FILES as u64);

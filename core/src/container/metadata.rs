@@ -3,9 +3,12 @@
 //! Keys differ between cameras and programs; each fact is looked for under every key known for it.
 //! Facts that are absent are `None`; facts out of range are dropped, with a warning.
 
+use std::path::Path;
+
 use serde_json::Value;
 
 use super::cfa::Cfa;
+use super::error::Error;
 use super::facts::{CameraFacts, ColourFacts, Levels, MAX_SIDE, MlaHint, ccm_valid, gains_valid, gamma_valid};
 use super::json::{integer_at, number_at, text_at, value_at};
 use super::packing::Packing;
@@ -18,6 +21,10 @@ pub struct FrameFacts {
     pub size: Option<(usize, usize)>,
     /// How the pixels are packed.
     pub packing: Option<Packing>,
+    /// Low bits of every packed value that hold nothing (`rightShift`).
+    pub right_shift: u32,
+    /// How the image is stored where nothing here reads that, a line each: a packing, a filter array.
+    pub unsupported: Vec<String>,
     /// Colour filter array.
     pub cfa: Option<Cfa>,
     /// Black and white levels.
@@ -87,20 +94,38 @@ pub fn read_frame(root: &Value, private: Option<&Value>) -> (FrameFacts, Vec<Str
     };
     let image =
         |key: &str| value_at(m, &format!("image.rawDetails.{key}")).or_else(|| value_at(m, &format!("image.{key}")));
+    let mut unsupported = Vec::new();
     let packing = image("pixelPacking").or_else(|| image("rawDetails.pixelPacking")).and_then(|p| {
-        let big = p.get("endianness").and_then(Value::as_str).is_some_and(|e| e.eq_ignore_ascii_case("big"));
+        let order = p.get("endianness").and_then(Value::as_str);
         let bits = integer_at(p, "bitsPerPixel")?;
-        let packing = u32::try_from(bits).ok().and_then(|bits| Packing::new(bits, big));
+        let packing = u32::try_from(bits).ok().and_then(|bits| match order {
+            Some(order) if order.eq_ignore_ascii_case("big") => Packing::new(bits, true),
+            Some(order) if order.eq_ignore_ascii_case("little") => Packing::new(bits, false),
+            Some(_) => None,
+            // Without an order, the only one that there is.
+            None => Packing::new(bits, false).or_else(|| Packing::new(bits, true)),
+        });
         if packing.is_none() {
-            drop("the pixel packing", &(bits, if big { "big" } else { "little" }));
+            let order = order.map_or(String::new(), |o| format!(", {o} endian"));
+            unsupported.push(format!("this packing of the pixels is not supported: {bits} bit{order}"));
         }
         packing
     });
+    let right_shift = image("pixelFormat").and_then(|f| integer_at(f, "rightShift")).unwrap_or(0);
+    let right_shift =
+        u32::try_from(right_shift).ok().filter(|s| *s < packing.map_or(16, Packing::bits)).unwrap_or_else(|| {
+            unsupported.push(format!("a right shift of {right_shift} bits leaves nothing of the pixels"));
+            0
+        });
     let mosaic = image("mosaic").or_else(|| value_at(m, "devices.sensor.mosaic"));
     let cfa = mosaic.and_then(|m| {
         let cfa = read_cfa(m);
         if cfa.is_none() {
-            drop("the colour filter array", m);
+            let part =
+                |key| m.get(key).and_then(Value::as_str).unwrap_or("not stated").chars().take(40).collect::<String>();
+            let (tile, first) = (part("tile"), part("upperLeftPixel"));
+            unsupported
+                .push(format!("this colour filter array is not supported: tile {tile}, upper left pixel {first}"));
         }
         cfa
     });
@@ -159,6 +184,8 @@ pub fn read_frame(root: &Value, private: Option<&Value>) -> (FrameFacts, Vec<Str
     let frame = FrameFacts {
         size,
         packing,
+        right_shift,
+        unsupported,
         cfa,
         levels,
         white_balance: gains,
@@ -227,6 +254,17 @@ fn matrix_entries(value: &Value) -> Option<[f32; 9]> {
 }
 
 impl FrameFacts {
+    /// Refuses an image that is stored as nothing here reads.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`], with what the metadata state.
+    pub fn check_supported(&self, path: &Path) -> Result<(), Error> {
+        match self.unsupported.first() {
+            Some(what) => Err(Error::unsupported(path, what.clone())),
+            None => Ok(()),
+        }
+    }
+
     /// Colour facts, the gaps filled from `fallback`.
     pub fn colour(&self, fallback: &ColourFacts) -> ColourFacts {
         ColourFacts {
@@ -280,8 +318,15 @@ mod tests {
                 "color": {"ccm": [1e30,0,0,0,1,0,0,0,1], "gamma": -3, "whiteBalanceGain": levels(-1.0)}},
             "devices": {"sensor": {"pixelPitch": 1.4e-6}, "mla": {"lensPitch": 1e9}}});
         let (f, warnings) = read_frame(&m, None);
-        assert_eq!(f, FrameFacts { pixel_pitch: Some(1.4e-6), ..FrameFacts::default() });
-        assert_eq!(warnings.len(), 8, "{warnings:#?}");
+        assert_eq!(f.unsupported.len(), 2, "{:?}", f.unsupported);
+        assert!(
+            f.unsupported[0].contains("13 bit, big") && f.unsupported[1].contains("x-trans"),
+            "{:?}",
+            f.unsupported
+        );
+        let unsupported = f.unsupported.clone();
+        assert_eq!(f, FrameFacts { pixel_pitch: Some(1.4e-6), unsupported, ..FrameFacts::default() });
+        assert_eq!(warnings.len(), 6, "{warnings:#?}");
     }
 
     #[test]

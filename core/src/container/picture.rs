@@ -56,6 +56,10 @@ pub(super) fn capture_from_picture(
         }
     };
     let mut facts = facts.unwrap_or_default();
+    // A picture's packing is its own; its filter array is the sensor's.
+    if facts.cfa.is_none() && facts.unsupported.iter().any(|u| u.contains("filter array")) {
+        facts.check_supported(path)?;
+    }
     let levels = facts.levels.take().unwrap_or_else(|| profile.levels());
     let max = pixels.data.iter().copied().max().unwrap_or(0);
     let camera_white = levels.white.iter().copied().fold(0.0, f32::max);

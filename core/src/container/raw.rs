@@ -27,13 +27,14 @@ pub(super) fn capture_from_raw(path: &Path, profile: Option<&CameraProfile>) -> 
     if facts.is_none() && profile.is_none() && guessed.is_none() {
         let known: Vec<_> =
             CameraProfile::built_in().iter().filter_map(|p| Some(format!("{} {}", p.name, p.raw_bytes()?))).collect();
-        return Err(Error::not_recognised(
+        let error = Error::not_recognised(
             path,
             format!(
                 "not a capture: no container, no picture, no metadata (.txt, .json) beside it, and its {length} bytes fit no known camera's raw file ({})",
                 known.join(", ")
             ),
-        ));
+        );
+        return Err(error.after(&warnings));
     }
     if facts.is_none() {
         let name = profile.or(guessed).map_or("", |p| p.name.as_str());
@@ -42,6 +43,6 @@ pub(super) fn capture_from_raw(path: &Path, profile: Option<&CameraProfile>) -> 
     let bytes = file::read(path, "a raw file", MAX_FILE)?;
     let profile = profile.or(guessed);
     let facts = facts.unwrap_or_default();
-    let pixels = unpack_image(path, &facts, profile, &bytes, &mut warnings)?;
+    let pixels = unpack_image(path, &facts, profile, &bytes, &mut warnings).map_err(|e| e.after(&warnings))?;
     Ok(assemble_capture(pixels, facts, profile, sha256_hex(&bytes), warnings))
 }

@@ -27,7 +27,9 @@ pub(super) fn read_sidecar(path: &Path, warnings: &mut Vec<String>) -> Option<Fr
 }
 
 fn read_metadata(path: &Path) -> Result<(FrameFacts, Vec<String>), Error> {
-    let bytes = file::read(path, "metadata", json::MAX_TEXT as u64)?;
-    let value = json::parse(&bytes).map_err(|e| Error::malformed(path, e))?;
-    Ok(metadata::read_frame(&value, None))
+    let bytes = file::read(path, "metadata", json::MAX_DAMAGED as u64)?;
+    let (value, mended) = json::parse_damaged(&bytes).map_err(|e| Error::malformed(path, e))?;
+    let (facts, mut warnings) = metadata::read_frame(&value, None);
+    warnings.extend(mended.map(|what| format!("{}: {what}", path.display())));
+    Ok((facts, warnings))
 }

@@ -52,10 +52,22 @@ const SPREAD: f64 = 1.0 / 12.0 + 0.36;
 ///
 /// Source: chosen.
 const MARGIN: f64 = 0.3;
+/// Pixels of a micro-image that share one system; larger micro-images have one of [`NEAREST`] pixels for each view, so
+/// that the time grows with the number of lenslets and not with the sixth power of their pitch.
+///
+/// Source: chosen; a pitch of about 17 pixels.
+const MOST_TOGETHER: usize = 256;
+/// Pixels nearest a view that estimate it in large micro-images.
+///
+/// Source: chosen; two thirds of what the micro-image of an F01 holds.
+const NEAREST: usize = 56;
 /// A smaller pivot means that the constraints contradict each other.
 ///
 /// Source: chosen.
 const LEAST_PIVOT: f64 = 1e-12;
+
+/// Colours of a filter array; a sensor without one needs no demosaic.
+const COLOURS: usize = 3;
 
 /// The inputs of a set of weights.
 struct Model<'a> {
@@ -96,7 +108,7 @@ pub(super) fn sample_views(
         views: samples.views,
         view_step: samples.view_step,
     };
-    let channels = if cfa == Cfa::Mono { 1 } else { 3 };
+    let channels = COLOURS;
     let n = samples.views * samples.views;
 
     // Lenslets by the sub-pixel position of their centre; the order within a group depends on the lattice only.
@@ -222,8 +234,7 @@ fn solve_weights(model: &Model<'_>, key: u32) -> Option<Weights> {
     let sub = |f: u32| (f64::from(f) - f64::from(PHASES / 2)) / f64::from(PHASES);
     let centre = [sub(fx), sub(fy)];
     let (px, py) = ((parity & 1) as usize, (parity >> 1) as usize);
-    let mono = model.cfa == Cfa::Mono;
-    let channels = if mono { 1 } else { 3 };
+    let channels = COLOURS;
     let around: Vec<[f64; 2]> = neighbour_offsets(model.lattice);
 
     let mut pixels = Vec::new();
@@ -237,7 +248,7 @@ fn solve_weights(model: &Model<'_>, key: u32) -> Option<Weights> {
             });
             if own {
                 let even = |p: usize, d: i32| (p as i32 + d).rem_euclid(2) as usize;
-                let colour = if mono { 0 } else { model.cfa.colour(even(px, dx), even(py, dy)) };
+                let colour = model.cfa.colour(even(px, dx), even(py, dy));
                 pixels.push((dx, dy));
                 places.push((light_centre(d, &model.light), colour));
             }
@@ -247,26 +258,63 @@ fn solve_weights(model: &Model<'_>, key: u32) -> Option<Weights> {
     if (0..channels).any(|c| !places.iter().any(|p| p.1 == c)) {
         return None;
     }
+    let all: Vec<usize> = (0..m).collect();
+    let views: Vec<usize> = (0..model.views * model.views).collect();
+    let outputs = views.len() * channels;
+    let noise: Vec<f64> = pixels.iter().map(|&p| noise_of(model, p, centre)).collect();
+    if m <= MOST_TOGETHER {
+        let rows = solve_rows(model, &all, &places, &noise, &views)?;
+        return Some(Weights { pixels, rows, outputs });
+    }
+    // Far pixels add next to nothing: each view has the system of its nearest ones.
+    let mut rows = vec![0f32; m * outputs];
+    for &view in &views {
+        let [u, v] = view_offset(model.views, model.view_step, view);
+        let distance = |i: usize| (places[i].0[0] - u).powi(2) + (places[i].0[1] - v).powi(2);
+        let mut near = all.clone();
+        near.sort_by(|&i, &k| distance(i).total_cmp(&distance(k)).then(i.cmp(&k)));
+        near.truncate(NEAREST);
+        let own = solve_rows(model, &near, &places, &noise, &[view])?;
+        for (&i, row) in near.iter().zip(own.chunks_exact(channels)) {
+            rows[i * outputs + view * channels..][..channels].copy_from_slice(row);
+        }
+    }
+    Some(Weights { pixels, rows, outputs })
+}
+
+/// Variance of the noise of the pixel at an offset from the nearest one of a centre.
+fn noise_of(model: &Model<'_>, (dx, dy): (i32, i32), centre: [f64; 2]) -> f64 {
+    let p = [f64::from(dx) - centre[0], f64::from(dy) - centre[1]];
+    let bin = ((p[0].hypot(p[1]) * 4.0) as usize).min(model.light.len() - 1);
+    NOISE / (model.light[bin] * model.light[bin])
+}
+
+/// The weights of the pixels `used` for `views`: a row of `views.len() * channels` values for each.
+fn solve_rows(
+    model: &Model<'_>,
+    used: &[usize],
+    places: &[([f64; 2], usize)],
+    noise: &[f64],
+    views: &[usize],
+) -> Option<Vec<f32>> {
+    let (m, channels) = (used.len(), COLOURS);
     let covariance = |d: [f64; 2], same: bool| {
         let r = d[0].hypot(d[1]);
         matern(r, LUMINANCE_LENGTH) + if same { COLOUR_SHARE * matern(r, CHROMINANCE_LENGTH) } else { 0.0 }
     };
     let mut k = Array2::<f64>::from_shape_fn((m, m), |(i, j)| {
-        let ((p, a), (q, b)) = (places[i], places[j]);
+        let ((p, a), (q, b)) = (places[used[i]], places[used[j]]);
         covariance([p[0] - q[0], p[1] - q[1]], a == b)
     });
-    for (i, &(dx, dy)) in pixels.iter().enumerate() {
-        let p = [f64::from(dx) - centre[0], f64::from(dy) - centre[1]];
-        let bin = ((p[0].hypot(p[1]) * 4.0) as usize).min(model.light.len() - 1);
-        k[[i, i]] += NOISE / (model.light[bin] * model.light[bin]);
+    for (i, &pixel) in used.iter().enumerate() {
+        k[[i, i]] += noise[pixel];
     }
     // Right-hand sides: the covariance with each output, then one column for each constraint: which pixels are of each
     // colour, and the places of all.
-    let n = model.views * model.views;
-    let outputs = n * channels;
+    let outputs = views.len() * channels;
     let constraints = channels + 2;
-    let place = |view: usize| view_offset(model.views, model.view_step, view);
-    let constraint = |i: usize, k: usize| match places[i] {
+    let place = |o: usize| view_offset(model.views, model.view_step, views[o / channels]);
+    let constraint = |i: usize, k: usize| match places[used[i]] {
         (d, _) if k >= channels => d[k - channels],
         (_, colour) => f64::from(u8::from(colour == k)),
     };
@@ -274,8 +322,8 @@ fn solve_weights(model: &Model<'_>, key: u32) -> Option<Weights> {
         if o >= outputs {
             return constraint(i, o - outputs);
         }
-        let (p, a) = places[i];
-        let [u, v] = place(o / channels);
+        let (p, a) = places[used[i]];
+        let [u, v] = place(o);
         covariance([p[0] - u, p[1] - v], a == o % channels)
     });
     let w = Cholesky::new(k.view()).ok()?.solve(w.view());
@@ -283,8 +331,7 @@ fn solve_weights(model: &Model<'_>, key: u32) -> Option<Weights> {
     // mean place must be that of the view, so that estimates are unbiased for constant and for linear light.
     let sums = |o: usize, k: usize| -> f64 { (0..m).map(|i| constraint(i, k) * w[[i, o]]).sum() };
     let missing = |k: usize, o: usize| {
-        let wanted =
-            if k >= channels { place(o / channels)[k - channels] } else { f64::from(u8::from(o % channels == k)) };
+        let wanted = if k >= channels { place(o)[k - channels] } else { f64::from(u8::from(o % channels == k)) };
         wanted - sums(o, k)
     };
     // Rows [S | missing], which become [· | factors].
@@ -299,7 +346,7 @@ fn solve_weights(model: &Model<'_>, key: u32) -> Option<Weights> {
             rows[i * outputs + o] = (w[[i, o]] + extra) as f32;
         }
     }
-    Some(Weights { pixels, rows, outputs })
+    Some(rows)
 }
 
 /// One lenslet: its pixels times the weights. Beyond the sensor's border pixels are mirrored.
@@ -314,3 +361,6 @@ fn apply_weights(weights: &Weights, mosaic: &Mosaic, centre: [f64; 2], out: &mut
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -50,8 +50,9 @@ pub fn sample_views(
         slice::slice_views(&turn.apply(&image), &samples, &|place| turn.turned(place), observer)
     };
     samples.values = match options.steps.demosaic {
+        // Without a filter array nothing is missing.
+        _ if cfa == Cfa::Mono => slice(demosaic::mono(&mosaic))?,
         Demosaic::CoKriging => cokriging::sample_views(&mosaic, cfa, calibration, &samples, observer)?,
-        Demosaic::Bilinear | Demosaic::Malvar if cfa == Cfa::Mono => slice(demosaic::mono(&mosaic))?,
         Demosaic::Bilinear => slice(demosaic::bilinear(&mosaic, cfa))?,
         Demosaic::Malvar => slice(demosaic::malvar(&mosaic, cfa))?,
     };

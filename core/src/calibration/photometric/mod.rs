@@ -2,4 +2,5 @@
 
 pub mod equalise;
 pub mod hot_pixels;
+pub mod texture;
 pub mod vignetting;

@@ -60,6 +60,7 @@ fn plan_segments(container: &Container, contents: &[Value]) -> Result<(Vec<Item>
             offset: s.offset + HEADER,
             length: s.length,
             sha1: Some(s.sha1.clone()),
+            archive: None,
         };
         let head = container.head(s, 64)?;
         let item = match used.get(&s.sha1) {

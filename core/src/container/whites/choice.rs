@@ -1,6 +1,7 @@
 //! The choice of a capture's white image among those of a calibration folder, with its reasons.
 
 use std::cmp::Ordering;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::image::{CalibrationImage, ExposureClass};
@@ -85,6 +86,9 @@ pub fn choose_white_image(place: &Path, found: CalibrationImages, capture: &Capt
             None => usable.push(c),
         }
     }
+    if let Some(why) = several_cameras(&usable, want) {
+        passed.extend(usable.drain(..).map(|c| (c, why.clone())));
+    }
     usable.sort_by(|a, b| closeness(a, b, want));
     let total = usable.len() + passed.len();
     let mut rest = usable.into_iter();
@@ -115,6 +119,18 @@ fn why_unfit(c: &CalibrationImage, want: &CameraFacts, size: (usize, usize)) -> 
         (Some(a), Some(b)) if a != b => Some(format!("of another camera, {b}")),
         _ => None,
     }
+}
+
+/// Why none of the images can be chosen: they are of several cameras, and nothing says which is the capture's.
+fn several_cameras(usable: &[CalibrationImage], want: &CameraFacts) -> Option<String> {
+    if want.serial.is_some() || usable.iter().any(|c| is_named(c, want)) {
+        return None;
+    }
+    let serials: BTreeSet<&str> = usable.iter().filter_map(|c| c.frame.camera.serial.as_deref()).collect();
+    (serials.len() > 1).then(|| {
+        let list: Vec<&str> = serials.into_iter().collect();
+        format!("of one of several cameras ({}), and the capture does not state its own", list.join(", "))
+    })
 }
 
 fn is_named(c: &CalibrationImage, want: &CameraFacts) -> bool {

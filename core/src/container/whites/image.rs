@@ -1,6 +1,6 @@
 //! An image of a calibration folder, classified by its exposure.
 
-use crate::container::assemble::{assemble_capture, profile_for, unpack_image};
+use crate::container::assemble::{assemble_capture, profile_for, shifted, unpack_image};
 use crate::container::capture::Capture;
 use crate::container::error::Error;
 use crate::container::members::Member;
@@ -101,6 +101,7 @@ impl CalibrationImage {
 pub(super) fn classify(member: Member, frame: FrameFacts) -> Result<CalibrationImage, Error> {
     let profile = profile_for(&frame, member.length);
     let describe = |reason: &str| Error::malformed(&member.path, format!("{}: {reason}", member.name));
+    frame.check_supported(&member.path)?;
     let packing = frame
         .packing
         .or(profile.map(|p| p.sensor.packing))
@@ -126,7 +127,7 @@ pub(super) fn classify(member: Member, frame: FrameFacts) -> Result<CalibrationI
         let start = (member.length.saturating_sub(STRETCH) * k / (STRETCHES - 1)) / GROUP * GROUP;
         let bytes = member.part(start, STRETCH)?;
         let pixels = bytes.len() * 8 / packing.bits() as usize / 4 * 4;
-        for v in unpack(packing, &bytes, pixels).unwrap_or_default() {
+        for v in shifted(unpack(packing, &bytes, pixels).unwrap_or_default(), frame.right_shift) {
             sum += u64::from(v);
             count += 1;
             high += u64::from(f32::from(v) >= white * SATURATION);

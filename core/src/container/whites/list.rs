@@ -1,7 +1,7 @@
 //! Every white, dark and black image of a calibration folder, bundle or archive.
 
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::image::{CalibrationImage, classify};
 use crate::container::error::Error;
@@ -9,6 +9,9 @@ use crate::container::members::{Member, list_members};
 use crate::container::metadata::{self, FrameFacts};
 use crate::container::segments::{Container, HEADER, MAGIC};
 use crate::container::{json, lfp};
+
+/// An archive (empty for plain files) and a folder.
+type Place = (PathBuf, PathBuf);
 
 /// Every image of a folder.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -27,17 +30,15 @@ pub struct CalibrationImages {
 pub fn list_calibration_images(place: &Path) -> Result<CalibrationImages, Error> {
     let found = list_members(place)?;
     let mut out = CalibrationImages { images: Vec::new(), warnings: found.warnings };
-    let key = |m: &Member| {
-        let folder = m.name.rsplit_once(['\\', '/']).map_or("", |(f, _)| f).to_string();
-        (m.path.parent().map(Path::to_path_buf), folder, m.stem_and_extension().0)
-    };
+    // Every camera calls its images alike: only what lies in the same archive and folder belongs to an image.
+    let key = |m: &Member| (m.place(), m.stem_and_extension().0);
     let mut texts = HashMap::new();
-    let mut hashes: HashMap<String, String> = HashMap::new();
+    let mut manifests = Vec::new();
     for m in &found.list {
         let (stem, extension) = m.stem_and_extension();
         if extension == "TXT" || extension == "JSON" {
             if stem == "CAL_FILE_MANIFEST" {
-                hashes.extend(read_manifest(m));
+                manifests.push((m.place(), read_manifest(m)));
             }
             texts.insert(key(m), m);
         }
@@ -54,7 +55,7 @@ pub fn list_calibration_images(place: &Path) -> Result<CalibrationImages, Error>
         match image {
             None => {}
             Some(Ok(mut c)) => {
-                c.names.extend(hashes.get(&stem).cloned());
+                c.names.extend(hash_of(m, &stem, &manifests));
                 c.names.extend(c.member.sha1.clone());
                 out.images.push(c);
             }
@@ -64,10 +65,19 @@ pub fn list_calibration_images(place: &Path) -> Result<CalibrationImages, Error>
     Ok(out)
 }
 
+/// The hash of an image in the manifest of its archive, or of the nearest folder above it.
+fn hash_of(member: &Member, stem: &str, manifests: &[(Place, HashMap<String, String>)]) -> Option<String> {
+    let (archive, folder) = member.place();
+    let above = |(a, f): &Place| *a == archive && (member.archive.is_some() || folder.starts_with(f));
+    let shared = |f: &Path| f.components().zip(folder.components()).take_while(|(x, y)| x == y).count();
+    let own = manifests.iter().filter(|(place, _)| above(place)).max_by_key(|((_, f), _)| shared(f))?;
+    own.1.get(stem).cloned()
+}
+
 /// Stem of each calibration file and its hash.
-fn read_manifest(member: &Member) -> Vec<(String, String)> {
-    let Ok(bytes) = member.read(json::MAX_TEXT as u64) else { return Vec::new() };
-    let Ok(value) = json::parse(&bytes) else { return Vec::new() };
+fn read_manifest(member: &Member) -> HashMap<String, String> {
+    let Ok(bytes) = member.read(json::MAX_TEXT as u64) else { return HashMap::new() };
+    let Ok((value, _)) = json::parse_damaged(&bytes) else { return HashMap::new() };
     let files = value.get("calibrationFiles").and_then(serde_json::Value::as_array);
     let entry = |f: &serde_json::Value| {
         let name = json::text_at(f, "name")?.to_ascii_uppercase();
@@ -81,8 +91,8 @@ fn raw_image(member: &Member, text: Option<&Member>) -> Option<Result<Calibratio
     let frame = match text.map(|t| (t, t.read(json::MAX_TEXT as u64))) {
         None => Ok(FrameFacts::default()),
         Some((t, bytes)) => bytes
-            .and_then(|b| json::parse(&b).map_err(|e| Error::malformed(&t.path, format!("{}: {e}", t.name))))
-            .map(|v| metadata::read_frame(&v, None).0),
+            .and_then(|b| json::parse_damaged(&b).map_err(|e| Error::malformed(&t.path, format!("{}: {e}", t.name))))
+            .map(|(v, _)| metadata::read_frame(&v, None).0),
     };
     Some(frame.and_then(|f| classify(member.clone(), f)))
 }
@@ -104,6 +114,7 @@ fn container_image(member: &Member, stem: &str) -> Result<Option<CalibrationImag
         offset: image.offset + HEADER,
         length: image.length,
         sha1: Some(image.sha1),
+        archive: None,
     };
     classify(inside, frame).map(Some)
 }

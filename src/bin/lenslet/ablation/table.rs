@@ -261,7 +261,9 @@ pub fn is_best(table: &Table, row: usize, column: usize) -> bool {
 /// All tables as CSV: a line a cell.
 pub fn tables_to_csv(tables: &[Table]) -> String {
     let mut out = String::from("experiment,variant,subject,score,mean,spread,seeds\n");
-    let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
+    // A spreadsheet computes what begins like a formula.
+    let formula = |text: &str| text.starts_with(['=', '+', '-', '@', '\t', '\r']);
+    let quoted = |text: &str| format!("\"{}{}\"", if formula(text) { "'" } else { "" }, text.replace('"', "\"\""));
     for table in tables {
         for row in &table.rows {
             for (name, cell) in table.columns.iter().zip(&row.cells) {
@@ -282,7 +284,11 @@ pub fn tables_to_csv(tables: &[Table]) -> String {
 /// All tables as Markdown; the best of each subject in bold.
 pub fn tables_to_markdown(tables: &[Table]) -> String {
     let mut out = String::new();
-    let safe = |text: &str| text.replace('|', "\\|").replace(['\n', '\r'], " ");
+    let safe = |text: &str| {
+        let text =
+            ['|', '`', '[', '*'].iter().fold(text.replace('\\', "\\\\"), |t, c| t.replace(*c, &format!("\\{c}")));
+        text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace(['\n', '\r'], " ")
+    };
     for table in tables {
         let _ = writeln!(out, "### {}\n\n{}\n", table.experiment, table.question);
         for (subject, part) in split_by_subject(table) {
@@ -329,6 +335,20 @@ pub(super) mod tests {
             pictures: Default::default(),
             notes: None,
         }
+    }
+
+    #[test]
+    fn names_are_neither_formulas_nor_markup() {
+        let records = [
+            record("demosaic", "=HYPERLINK(\"x\")", 1, Some(30.0)),
+            record("demosaic", "@SUM(1)", 1, Some(30.0)),
+            record("demosaic", "<img src=x> [a](b) `c`", 1, Some(30.0)),
+        ];
+        let tables = tabulate(&records);
+        let csv = tables_to_csv(&tables);
+        assert!(csv.contains("\"'=HYPERLINK(\"\"x\"\")\"") && csv.contains("\"'@SUM(1)\""), "{csv}");
+        let markdown = tables_to_markdown(&tables);
+        assert!(markdown.contains("&lt;img src=x&gt; \\[a](b) \\`c\\`"), "{markdown}");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! `lenslet calibrate`: white images (or ordinary captures, or a camera's whole bundle) to calibration files.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use lenslet::image_io::Picture;
@@ -78,6 +78,12 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if let Some(folder) = &args.dump {
         check_output(folder, Kind::Directory, args.force, &inputs)?;
     }
+    if let Some(folder) = given.iter().find(|p| p.is_dir()) {
+        anyhow::bail!(
+            "{0}: a folder, files are needed: give the files in it, or, for a camera's calibration folder, `--bundle {0}`",
+            folder.display()
+        );
+    }
     let (paths, captures) = calibration::open_captures(given, args.profile.as_deref(), &context.progress)?;
     let options = CalibrationOptions {
         variant: args.variant,
@@ -141,6 +147,15 @@ fn bundle(args: &Args, place: &Path, context: &Context) -> anyhow::Result<Outcom
         let camera = &candidate.frame.camera;
         groups.entry((camera.serial.clone(), camera.zoom_step, camera.focus_step)).or_default().push(candidate);
     }
+    let bodies: BTreeSet<&str> = groups.keys().filter_map(|k| k.0.as_deref()).collect();
+    if bodies.len() > 1 {
+        let list: Vec<&str> = bodies.into_iter().collect();
+        anyhow::bail!(
+            "{}: white images of several cameras ({}); give the folder or archive of one",
+            place.display(),
+            list.join(", ")
+        );
+    }
     if groups.is_empty() {
         let there = found.images.len();
         anyhow::bail!(
@@ -185,7 +200,7 @@ fn bundle(args: &Args, place: &Path, context: &Context) -> anyhow::Result<Outcom
             }
             Err(e @ calibration::Error::Interrupted(_)) => return Err(e.into()),
             // A pair that cannot be calibrated is noted; the others are kept.
-            Err(e) => context.progress.note(&e.to_string()),
+            Err(e) => context.progress.note(&e.in_file_of(&labels).to_string()),
         }
     }
     if list.is_empty() {

@@ -307,7 +307,10 @@ impl Args {
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     args.check()?;
-    let (jobs, several) = inputs::jobs(&args.captures, &args.written)?;
+    let inputs::Jobs { jobs, several, left_out } = inputs::jobs(&args.captures, &args.written)?;
+    for (path, why) in &left_out {
+        context.progress.note(&format!("{}: left out: {why}", path.display()));
+    }
     let mut inputs: Vec<&Path> = args.captures.iter().map(PathBuf::as_path).collect();
     inputs.extend(args.calibration.as_deref().into_iter().chain(args.learned.dictionary.as_deref()));
     if several {
@@ -350,12 +353,18 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if !several && let Some(report) = done.pop() {
         return Ok(Outcome { text: describe(&report), json: report });
     }
-    let summary = format!("{} decoded, {} there already, {} failed", done.len(), skipped.len(), failed.len());
+    let mut summary = format!("{} decoded, {} there already, {} failed", done.len(), skipped.len(), failed.len());
+    if !left_out.is_empty() {
+        summary.push_str(&format!(", {} left out ({})", left_out.len(), inputs::reasons(&left_out)));
+    }
     if !failed.is_empty() {
         anyhow::bail!("{summary}: {}", failed.join(", "));
     }
     let skipped: Vec<String> = skipped.iter().map(|j| j.out.display().to_string()).collect();
-    Ok(Outcome { json: json!({ "decoded": done, "skipped": skipped, "failed": [] }), text: summary })
+    let left_out: Vec<Value> =
+        left_out.iter().map(|(path, why)| json!({ "capture": path.display().to_string(), "reason": why })).collect();
+    let json = json!({ "decoded": done, "skipped": skipped, "failed": [], "left_out": left_out });
+    Ok(Outcome { json, text: summary })
 }
 
 /// Whether one of several results may be written, before the work for it.
@@ -391,7 +400,7 @@ fn decode_one(
     for warning in &capture.warnings {
         progress.note(&format!("{}: {warning}", job.capture.display()));
     }
-    let (calibration, reason) = store.choose(&capture, context)?;
+    let (calibration, reason) = store.choose(&capture, context).with_context(|| job.capture.display().to_string())?;
     progress.note(&format!("{}: calibration {reason}", job.capture.display()));
     let read = started.elapsed();
     let options = args.decode_options(&capture);

@@ -128,6 +128,7 @@ fn segments(path: &Path) -> anyhow::Result<Value> {
             json["image_present"] = found.image.is_some().into();
             let missing: Vec<_> = found.missing.iter().map(|m| json!({"name": m.path, "sha1": m.sha1})).collect();
             json["missing"] = missing.into();
+            warnings.extend(found.facts.unsupported.iter().cloned());
             frame(&mut json, &found.facts);
         }
         Err(e) => warnings.push(e.to_string()),

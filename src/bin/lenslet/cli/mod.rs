@@ -32,6 +32,7 @@ mod written;
 
 use std::process::ExitCode;
 
+use clap::error::{ContextKind, ContextValue};
 use clap::{Parser, Subcommand};
 pub use context::{Context, Outcome, Usage};
 use lenslet_core::progress::Observer as _;
@@ -122,7 +123,13 @@ pub fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(e) if e.use_stderr() => {
-            tell(e.render().to_string().trim_end());
+            match file_for_command(&e) {
+                Some(name) => tell(&format!(
+                    "lenslet: {name} is a file or folder, not a command; look at it with `lenslet info {name}`, decode a capture \
+                     with `lenslet decode {name} --calibration CAM.calib --out OUT`, or see `lenslet --help`"
+                )),
+                None => tell(e.render().to_string().trim_end()),
+            }
             return ExitCode::from(2);
         }
         // Help and version are answers.
@@ -157,6 +164,16 @@ pub fn main() -> ExitCode {
             ExitCode::from(if e.chain().any(|c| c.is::<Usage>()) { 2 } else { 1 })
         }
     }
+}
+
+/// The file that was given where a command belongs.
+fn file_for_command(error: &clap::Error) -> Option<String> {
+    let (ContextKind::InvalidSubcommand, ContextValue::String(name)) =
+        error.context().find(|(kind, _)| *kind == ContextKind::InvalidSubcommand)?
+    else {
+        return None;
+    };
+    std::path::Path::new(name).exists().then(|| name.clone())
 }
 
 fn interrupted() -> ExitCode {

@@ -8,7 +8,7 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use lenslet_core::progress::Observer;
 
-use super::streams::tell;
+use super::streams::{tame, tell};
 
 /// How long interrupted work may take to notice it, before the process ends all the same: an input that no longer answers
 /// cannot be waited for.
@@ -90,7 +90,7 @@ impl Observer for Progress {
         }
         match self.bar.lock() {
             Ok(bar) => match bar.as_ref() {
-                Some(bar) if !bar.is_hidden() => bar.println(text),
+                Some(bar) if !bar.is_hidden() => bar.println(tame(text)),
                 _ => tell(text),
             },
             Err(_) => tell(text),

@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use anyhow::Context as _;
 use lenslet_core::decode::HexSamples;
 use lenslet_core::geometry::Size;
 use lenslet_core::lightfield::{self, ColourSpace, LightField, colour};
@@ -81,9 +82,13 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     }));
     let target = Size { width: meta.size[1], height: meta.size[0] };
     let set = match &given {
-        Given::Samples(samples) => SampleSet::hexagonal(samples, &target)?,
-        Given::Field(field) => SampleSet::rectangular(field, &target)?,
-    };
+        Given::Samples(samples) => SampleSet::hexagonal(samples, &target),
+        Given::Field(field) => SampleSet::rectangular(field, &target),
+    }
+    .with_context(|| match &given {
+        Given::Samples(_) => format!("{}: its samples", args.source.input.display()),
+        Given::Field(_) => args.source.input.display().to_string(),
+    })?;
     let mut sink = lightfield::create(&args.written.out, meta.clone(), args.written.format()?, args.written.force)?;
     let began = Instant::now();
     let to = meta.colour;

@@ -1,5 +1,6 @@
 //! Which calibration belongs to a capture, with the reason, and what else was there when none does.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use lenslet_core::calibration::{self, Calibration, CalibrationOptions};
@@ -76,27 +77,60 @@ impl CalibrationStore {
     }
 
     /// The calibration for `capture`, and why it was chosen.
+    /// A capture that carries its own white image has that where a folder or archive holds none that fits.
     pub fn choose(&mut self, capture: &Capture, context: &Context) -> anyhow::Result<(&Calibration, String)> {
-        if self.place.is_none() {
-            let Some(white) = &capture.white else {
-                return Err(Usage("--calibration is needed: the capture contains no white image".into()).into());
-            };
-            let own = calibration::calibrate(
-                std::slice::from_ref(&**white),
-                &CalibrationOptions::default(),
-                &context.progress,
-            )?;
-            let own = &self.last.insert((PathBuf::new(), own)).1;
-            return Ok((own, "made from the white image inside the capture".into()));
+        let several = self.whites.is_some() || self.place.as_deref().is_some_and(Path::is_dir);
+        let reason = match self.place {
+            None => self.load_own(capture, context)?,
+            Some(_) => match self.load_from_place(capture, context) {
+                Err(e) if several && capture.white.is_some() && !context.progress.cancelled() => {
+                    context.progress.note(&format!("{e:#}: the capture's own white image is taken"));
+                    self.load_own(capture, context)?
+                }
+                other => other?,
+            },
+        };
+        match &self.last {
+            Some((_, found)) => Ok((found, reason)),
+            None => Err(self.nothing(capture)),
         }
+    }
+
+    /// Loads the calibration made from the white image that the capture carries; why it is the right one.
+    fn load_own(&mut self, capture: &Capture, context: &Context) -> anyhow::Result<String> {
+        let Some(white) = &capture.white else {
+            return Err(Usage(
+                "--calibration is needed: the capture contains no white image; make one with `lenslet calibrate WHITE --out \
+                 CAM.calib`, or from five captures or more with `lenslet calibrate --from-captures FILES --out CAM.calib`"
+                    .into(),
+            )
+            .into());
+        };
+        let options = CalibrationOptions::default();
+        let own = calibration::calibrate(std::slice::from_ref(&**white), &options, &context.progress);
+        let own = own.map_err(|e| match e {
+            calibration::Error::Interrupted(_) => anyhow::Error::new(e),
+            e => anyhow::Error::new(e).context("the white image inside it"),
+        })?;
+        self.last = Some((PathBuf::new(), own));
+        Ok("made from the white image inside the capture".into())
+    }
+
+    /// Loads the calibration among those given; why it was chosen.
+    fn load_from_place(&mut self, capture: &Capture, context: &Context) -> anyhow::Result<String> {
         if let Some(place) = self.whites.clone() {
-            return self.by_whites(&place, capture, context);
+            return self.load_by_whites(&place, capture, context);
         }
         let size = (capture.mosaic.width, capture.mosaic.height);
         let fitting: Vec<&StoredCalibration> = self.candidates.iter().filter(|c| c.size == size).collect();
         let camera = &capture.camera;
         let same = |a: &Option<String>, b: &Option<String>| matches!((a, b), (Some(a), Some(b)) if a == b);
         let other = |a: &Option<String>, b: &Option<String>| matches!((a, b), (Some(a), Some(b)) if a != b);
+        // Without a serial number, those of several bodies fit equally well: none is chosen.
+        let bodies: BTreeSet<&String> = fitting.iter().filter_map(|c| c.origin.serial.as_ref()).collect();
+        if camera.serial.is_none() && bodies.len() > 1 {
+            anyhow::bail!("{}; the capture does not state which of these cameras is its own", self.nothing(capture));
+        }
         // Another body's lenslets lie elsewhere: never chosen where both serial numbers are known and differ.
         let best = fitting.iter().filter(|c| !other(&c.origin.serial, &camera.serial)).min_by_key(|c| {
             (
@@ -125,7 +159,7 @@ impl CalibrationStore {
                         context.progress.note(&format!("{}: {line}", path.display()));
                     }
                 }
-                Ok((found, format!("{} ({reason})", path.display())))
+                Ok(format!("{} ({reason})", path.display()))
             }
             None => Err(self.nothing(capture)),
         }
@@ -133,12 +167,7 @@ impl CalibrationStore {
 
     /// Finds the capture's white image, notes what else was there, and calibrates from it; the last calibration is
     /// reused.
-    fn by_whites(
-        &mut self,
-        place: &Path,
-        capture: &Capture,
-        context: &Context,
-    ) -> anyhow::Result<(&Calibration, String)> {
+    fn load_by_whites(&mut self, place: &Path, capture: &Capture, context: &Context) -> anyhow::Result<String> {
         let choice = whites::find_white_image(place, capture)?;
         let white = choice.load()?;
         let name = choice.chosen.as_ref().map(|c| c.member.label()).unwrap_or_default();
@@ -150,13 +179,11 @@ impl CalibrationStore {
                 choice.passed.iter().map(|(c, _)| c).filter(|c| c.class == whites::ExposureClass::Black).collect();
             let hot_pixels = crate::cli::calibrate::hot_pixels(&blacks, &white, context)?;
             let options = CalibrationOptions { hot_pixels, names: vec![name.clone()], ..CalibrationOptions::default() };
-            let made = calibration::calibrate(std::slice::from_ref(&white), &options, &context.progress)?;
+            let made = calibration::calibrate(std::slice::from_ref(&white), &options, &context.progress)
+                .map_err(|e| e.in_file_of(&[PathBuf::from(&name)]))?;
             self.last = Some((PathBuf::from(&name), made));
         }
-        match &self.last {
-            Some((_, made)) => Ok((made, format!("made from {name} ({})", choice.reason))),
-            None => Err(self.nothing(capture)),
-        }
+        Ok(format!("made from {name} ({})", choice.reason))
     }
 
     fn nothing(&self, capture: &Capture) -> anyhow::Error {
