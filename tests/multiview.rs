@@ -9,6 +9,7 @@ use lenslet_core::lightfield::{self, ColourSpace, Format, LightField, Meta, Read
 use lenslet_core::progress::Silent;
 use lenslet_core::sampling::bicubic;
 use lenslet_views::interpolate::prepare_interpolator;
+use lenslet_views::inverse::SampleFootprint;
 use lenslet_views::multiview::{Fit, Options, RefinedViews, SampleSet, hidden_score};
 use ndarray::{Array2, Array3, Array5, ArrayView3, s};
 use rand::rngs::ChaCha8Rng;
@@ -214,6 +215,63 @@ fn other_tools_light_fields_gain_in_size() {
     let flat = |_: f64, _: f64| 0.0;
     let (before, after) = (psnr(&alone, flat, (2, 2)), psnr(&image, flat, (2, 2)));
     assert!(after > before + 2.0, "{after:.2} dB after {before:.2}");
+}
+
+/// A light field of 5×5 views of textured surface at disparity `d` (pixels of the enlarged view), each pixel the mean over
+/// `scale`² pixels of a view of `side` pixels; `seen(v, u, value)`: what the view at (v, u) makes of it, and its shift.
+fn averaged(scale: usize, side: usize, d: f64, seen: impl Fn(usize, usize) -> (f64, f64, f64)) -> LightField {
+    let low = side / scale;
+    let mut meta = Meta::new([5, 5], [low, low], 1, ColourSpace::Srgb);
+    meta.method = None;
+    let data = Array5::from_shape_fn((5, 5, low, low, 1), |(v, u, t, s, _)| {
+        let (gain, offset, shift) = seen(v, u);
+        let mut sum = 0.0;
+        for k in 0..scale * scale {
+            let (x, y) = ((s * scale + k % scale) as f64, (t * scale + k / scale) as f64);
+            sum += texture(x + shift - d * (u as f64 - 2.0), y - d * (v as f64 - 2.0));
+        }
+        (gain * sum / (scale * scale) as f64 + offset) as f32
+    });
+    LightField { meta, data }
+}
+
+/// PSNR of the middle view of `field`, refined.
+fn refined_score(field: &LightField, side: usize, fit: Fit) -> f64 {
+    let target = Size::new(side, side);
+    let set = SampleSet::rectangular(field, &target).unwrap();
+    let image = RefinedViews::estimate(set, &Options { fit, ..Options::default() }, &Silent).unwrap();
+    let image = image.render_view(2, 2).unwrap();
+    let (mut sum, mut n) = (0.0, 0);
+    for t in 15..side - 15 {
+        for s in 15..side - 15 {
+            sum += (f64::from(image[[t, s, 0]]) - texture(s as f64, t as f64)).powi(2);
+            n += 1;
+        }
+    }
+    -10.0 * (sum / f64::from(n)).log10()
+}
+
+#[test]
+fn pixels_are_means_over_what_they_replace() {
+    for (scale, side, d) in [(2, 160, 0.83), (3, 180, 1.22)] {
+        let field = averaged(scale, side, d, |_, _| (1.0, 0.0, 0.0));
+        let points = refined_score(&field, side, Fit::Smooth);
+        let means = refined_score(&field, side, Fit::for_enlargement(scale as f64));
+        let disc = refined_score(&field, side, Fit::Joint(SampleFootprint::Point));
+        println!("scale {scale}: least squares {points:.2}, joint {means:.2}, joint with points {disc:.2}");
+        assert!(means > points + 3.0 && means > disc + 3.0, "scale {scale}: {means:.2}, {points:.2}, {disc:.2}");
+    }
+}
+
+#[test]
+fn views_may_differ_in_gain_offset_and_place() {
+    let same = averaged(2, 160, 0.83, |_, _| (1.0, 0.0, 0.0));
+    let other = averaged(2, 160, 0.83, |v, u| if (v + u) % 2 == 1 { (0.85, 0.06, 0.6) } else { (1.0, 0.0, 0.0) });
+    let fit = Fit::for_enlargement(2.0);
+    let (alike, different) = (refined_score(&same, 160, fit), refined_score(&other, 160, fit));
+    let points = refined_score(&other, 160, Fit::Smooth);
+    println!("alike {alike:.2}, different {different:.2}, least squares of the different {points:.2}");
+    assert!(different > alike - 1.0 && different > points + 3.0, "{different:.2} of {alike:.2}, {points:.2}");
 }
 
 #[test]

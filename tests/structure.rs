@@ -42,7 +42,7 @@ const CRATES: [(&str, &str, &[&str]); 6] = [
     (
         "lenslet_views",
         "views/src",
-        &["disparity", "error", "target", "interpolate", "multiview", "reconstruct", "method", "renderer"],
+        &["disparity", "error", "target", "interpolate", "inverse", "multiview", "reconstruct", "method", "renderer"],
     ),
     ("lenslet_data_gen", "data-gen/src", &["random", "photo", "pairs", "simulate"]),
     ("lenslet_train", "train/src", &[]),

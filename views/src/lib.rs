@@ -8,6 +8,7 @@
 pub mod disparity;
 mod error;
 pub mod interpolate;
+pub mod inverse;
 mod method;
 pub mod multiview;
 pub mod reconstruct;

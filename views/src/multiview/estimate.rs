@@ -71,18 +71,9 @@ pub fn estimate_disparities(
     if options.known.is_none() {
         let light: Vec<f32> = set.light();
         let central = refine_disparity(set, &light, &disparities);
-        disparities.maps = (0..rows * columns)
-            .into_par_iter()
-            .map(|k| carry_plane_to_view(&central, scale, view_offset((rows, columns), k), order))
-            .collect();
-        if let Ok(found) = Array2::from_shape_vec((height, width), central.data) {
-            disparities.middle.disparity = found;
-        }
+        disparities.carry_from_middle(central);
     }
-    let points = &set.points;
-    let one = |k: usize| points.iter().map(move |p| (k, p));
-    disparities.samples =
-        (0..rows * columns).into_par_iter().flat_map_iter(one).map(|(k, p)| disparities.at(k, p[0], p[1])).collect();
+    disparities.look_up_samples(&set.points);
     Ok(disparities)
 }
 

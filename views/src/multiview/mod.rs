@@ -5,6 +5,8 @@
 mod cross_validation;
 mod estimate;
 mod holdout;
+mod joint_disparity;
+mod joint_fit;
 mod options;
 mod rays;
 mod refine_disparity;
@@ -13,6 +15,7 @@ mod sample_set;
 mod smooth_fit;
 mod triangulated;
 mod view_disparities;
+mod view_models;
 
 pub use estimate::{depth_order_of, estimate_disparities};
 pub use holdout::{HiddenScore, hidden_score};

@@ -1,9 +1,10 @@
 //! How views are refined by all the others.
 
 use crate::disparity;
+use crate::inverse::SampleFootprint;
 
 /// How the image is made of the scattered samples.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Fit {
     /// Weighted least-squares pixels, single-view interpolation as the prior.
     #[default]
@@ -11,18 +12,38 @@ pub enum Fit {
     /// As in the paper: triangulate all samples, interpolate barycentrically. Takes seconds a view; kept for
     /// comparison.
     Triangulation,
+    /// Every sample the mean over its footprint (pixels of the target view), the picture found by [`crate::inverse`]; views
+    /// may differ from it by gain, offset and a smooth shift.
+    Joint(SampleFootprint),
 }
 
 impl Fit {
+    /// The fit of a light field whose views are enlarged `scale` times: pixels are means over `scale`×`scale` pixels of
+    /// the result; least squares where there is nothing to enlarge.
+    #[must_use]
+    pub fn for_enlargement(scale: f64) -> Self {
+        if scale >= LEAST_ENLARGEMENT {
+            Fit::Joint(SampleFootprint::Box { width: scale, height: scale })
+        } else {
+            Fit::Smooth
+        }
+    }
+
     /// Name on the command line and in records.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Fit::Smooth => "least-squares",
             Fit::Triangulation => "triangulation",
+            Fit::Joint(_) => "joint",
         }
     }
 }
+
+/// Enlargement from which a pixel counts as a mean over several of the result.
+///
+/// Source: chosen.
+const LEAST_ENLARGEMENT: f64 = 1.2;
 
 /// How views are refined.
 #[derive(Debug, Clone, PartialEq)]

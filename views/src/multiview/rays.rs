@@ -92,7 +92,6 @@ pub(super) fn other_samples(
     for k in (0..views.0 * views.1).filter(|&k| k != target_view && !set.is_dark(k)) {
         let from = view_offset(views, k);
         let (du, dv) = (from[0] - target[0], from[1] - target[1]);
-        let distance = du.abs().max(dv.abs()) / TOLERANCE;
         // Noise grows as light falls.
         let light = set.weights[k] * set.weights[k];
         for (i, (p, d)) in set.points.iter().zip(&disparities.samples[k * n..(k + 1) * n]).enumerate() {
@@ -101,16 +100,28 @@ pub(super) fn other_samples(
             if !(x >= 0.0 && y >= 0.0 && x < right && y < bottom) {
                 continue;
             }
-            // Distance between this place and where the disparity of the surface seen here would put the sample.
-            let miss = (disparities.near(target_view, x, y) - d) * distance;
-            let agree = 1.0 / (1.0 + miss * miss);
-            let weight = light * agree * agree;
+            let weight = light * visibility(disparities, target_view, (x, y), *d, (du, dv));
             if weight >= 0.02 {
                 rays.push(Ray::new(x, y, size.0, weight, k * n + i));
             }
         }
     }
     rays
+}
+
+/// Whether a sample of disparity `d` from a view (`du`, `dv`) steps away is seen at `place` of the view: 1 where the
+/// surface there has that disparity, towards 0 as it would put the sample elsewhere.
+#[inline]
+pub(super) fn visibility(
+    disparities: &ViewDisparities,
+    view: usize,
+    place: (f32, f32),
+    d: f32,
+    (du, dv): (f32, f32),
+) -> f32 {
+    let miss = (disparities.near(view, place.0, place.1) - d) * (du.abs().max(dv.abs()) / TOLERANCE);
+    let agree = 1.0 / (1.0 + miss * miss);
+    agree * agree
 }
 
 /// Calls `each` for every sample of every view with its position (x, y) in the view `at`, its weight and its value.

@@ -5,6 +5,7 @@ use ndarray::Array3;
 use rayon::prelude::*;
 
 use super::estimate::estimate_disparities;
+use super::joint_fit::JointFit;
 use super::options::{Fit, Options};
 use super::sample_set::SampleSet;
 use super::view_disparities::ViewDisparities;
@@ -23,6 +24,7 @@ pub struct RefinedViews<'a> {
     set: SampleSet<'a>,
     disparities: ViewDisparities,
     fit: Fit,
+    joint: Option<JointFit>,
 }
 
 impl<'a> RefinedViews<'a> {
@@ -31,13 +33,21 @@ impl<'a> RefinedViews<'a> {
     /// # Errors
     /// Options out of range, interruption.
     pub fn estimate(set: SampleSet<'a>, options: &Options, observer: &dyn Observer) -> Result<Self, Error> {
-        let disparities = estimate_disparities(&set, options, observer)?;
-        Ok(RefinedViews { set, disparities, fit: options.fit })
+        let mut disparities = estimate_disparities(&set, options, observer)?;
+        let joint = match &options.fit {
+            Fit::Joint(footprint) => {
+                let mut joint = JointFit::new(&set, footprint);
+                joint.refine_disparities(&set, &mut disparities, options.known.is_none(), observer)?;
+                Some(joint)
+            }
+            Fit::Smooth | Fit::Triangulation => None,
+        };
+        Ok(RefinedViews { set, disparities, fit: options.fit, joint })
     }
 
     /// With the disparities of every view known.
     pub fn with_disparities(set: SampleSet<'a>, disparities: ViewDisparities, fit: Fit) -> Self {
-        RefinedViews { set, disparities, fit }
+        RefinedViews { set, disparities, fit, joint: None }
     }
 
     /// Rows and columns of views.
@@ -67,9 +77,10 @@ impl<'a> RefinedViews<'a> {
         if self.set.is_dark(view) {
             return self.set.single(v, u);
         }
-        let mut image = match self.fit {
-            Fit::Smooth => smooth_fit::render_view(&self.set, &self.disparities, (v, u)),
-            Fit::Triangulation => triangulated::render_view(&self.set, &self.disparities, (v, u)),
+        let mut image = match (&self.joint, self.fit) {
+            (Some(joint), _) => joint.render_view(&self.set, &self.disparities, (v, u)),
+            (None, Fit::Triangulation) => triangulated::render_view(&self.set, &self.disparities, (v, u)),
+            (None, Fit::Smooth | Fit::Joint(_)) => smooth_fit::render_view(&self.set, &self.disparities, (v, u)),
         }?;
         self.set.restore_light(view, &mut image);
         Ok(image)

@@ -221,6 +221,11 @@ impl<'a> SampleSet<'a> {
     /// of these.
     pub(super) fn brightness(&self, side: usize) -> Result<(Vec<Vec<Plane>>, f32), Error> {
         let longer = self.target.width.max(self.target.height);
+        let side = match self.single_view {
+            // Windows of disparity are to hold the same samples, however far views are enlarged.
+            SingleView::Grid { width, height } => side.min((1.5 * width.max(height) as f32).round() as usize),
+            SingleView::Mesh(_) => side,
+        };
         let (width, height) = if longer > side {
             let f = side as f64 / longer as f64;
             (

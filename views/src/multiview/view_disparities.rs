@@ -2,7 +2,10 @@
 
 use lenslet_core::image::{Cell, Plane, bilinear_by_differences};
 
-use crate::disparity::{DepthOrder, Disparity};
+use ndarray::Array2;
+use rayon::prelude::*;
+
+use crate::disparity::{DepthOrder, Disparity, carry_plane_to_view};
 
 /// Disparity maps of all views on a common working grid.
 pub struct ViewDisparities {
@@ -21,6 +24,28 @@ pub struct ViewDisparities {
 }
 
 impl ViewDisparities {
+    /// Replaces the middle view's map and, carried from it, those of all views.
+    pub(super) fn carry_from_middle(&mut self, central: Plane) {
+        let (views, scale, order) = ((self.rows, self.columns), self.scale, self.order);
+        self.maps = (0..self.rows * self.columns)
+            .into_par_iter()
+            .map(|k| carry_plane_to_view(&central, scale, view_offset(views, k), order))
+            .collect();
+        if let Ok(found) = Array2::from_shape_vec((central.height, central.width), central.data) {
+            self.middle.disparity = found;
+        }
+    }
+
+    /// Looks the disparity of every sample of every view up; `points`: where samples lie in their view.
+    pub(super) fn look_up_samples(&mut self, points: &[[f32; 2]]) {
+        let one = |k: usize| points.iter().map(move |p| (k, p));
+        self.samples = (0..self.rows * self.columns)
+            .into_par_iter()
+            .flat_map_iter(one)
+            .map(|(k, p)| self.at(k, p[0], p[1]))
+            .collect();
+    }
+
     /// Disparity of view `k` at the pixel of its map nearest to (`x`, `y`) of the target.
     #[inline]
     pub(super) fn near(&self, k: usize, x: f32, y: f32) -> f32 {

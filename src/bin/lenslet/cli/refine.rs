@@ -7,6 +7,8 @@ use lenslet_core::decode::HexSamples;
 use lenslet_core::geometry::Size;
 use lenslet_core::lightfield::{self, ColourSpace, LightField, colour};
 use lenslet_core::progress::Observer as _;
+use lenslet_views::inverse::SampleFootprint;
+use lenslet_views::mean_pitch;
 use lenslet_views::multiview::{Fit, Options, RefinedViews, SampleSet};
 use lenslet_views::reconstruct::Enlargement;
 use ndarray::Array3;
@@ -14,7 +16,7 @@ use serde_json::json;
 
 use super::belong;
 use super::source::{SourceArgs, measured_samples, note_dark};
-use super::values::{FitName, RangeArgs};
+use super::values::RangeArgs;
 use super::written::Written;
 use super::{Context, Outcome, Usage};
 
@@ -25,7 +27,8 @@ Example: lenslet refine barycentric.lf --out multiview.lf
          lenslet refine other-tool/ --out large/ --scale 3
 
 The samples that decode left beside a light field (samples.npz) are used at their exact places. Of light fields without
-them, other tools' for instance, every pixel of every view is a sample, and the views can be enlarged by --scale.")]
+them, other tools' for instance, every pixel of every view is a sample, and the views can be enlarged by --scale: each
+pixel then counts as the mean over the pixels of the result that it covers.")]
 pub struct Args {
     #[command(flatten)]
     source: SourceArgs,
@@ -34,9 +37,13 @@ pub struct Args {
     /// Factor by which the views are enlarged, 1 to 8 (default: 1 where there are measured samples, else 2)
     #[arg(value_parser = super::values::finite::<f64>, long, value_name = "N")]
     scale: Option<f64>,
-    /// How the samples become pixels
-    #[arg(long, value_enum, default_value = "least-squares")]
-    fit: FitName,
+    /// How the samples become pixels (default: joint where views of a light field are enlarged, else least-squares)
+    #[arg(long, value_enum)]
+    fit: Option<FitName>,
+    /// What a sample averages, for the joint fit (default: box, the pixels of the result that it covers; of measured
+    /// samples disc, one lenslet)
+    #[arg(long, value_enum)]
+    footprint: Option<FootprintName>,
     /// Do not use the measured samples (samples.npz) beside the light field
     #[arg(long)]
     without_samples: bool,
@@ -48,6 +55,56 @@ pub struct Args {
 enum Given {
     Samples(HexSamples),
     Field(LightField),
+}
+
+impl Args {
+    /// The fit asked for, or the usual one; `pitch`: pixels of the result between samples.
+    fn chosen_fit(&self, given: &Given, scale: f64, pitch: f64) -> anyhow::Result<Fit> {
+        let usual = match given {
+            Given::Samples(_) => FootprintName::Disc,
+            Given::Field(_) => FootprintName::Box,
+        };
+        let joint = |name: FootprintName| {
+            Fit::Joint(match name {
+                FootprintName::Point => SampleFootprint::Point,
+                FootprintName::Box => SampleFootprint::Box { width: pitch, height: pitch },
+                FootprintName::Disc => SampleFootprint::Disc { diameter: pitch },
+            })
+        };
+        Ok(match (self.fit, self.footprint) {
+            (None | Some(FitName::Joint), Some(footprint)) => joint(footprint),
+            (Some(FitName::Joint), None) => joint(usual),
+            (Some(_), Some(_)) => return Err(Usage("--footprint belongs to --fit joint".into()).into()),
+            (Some(FitName::LeastSquares), None) => Fit::Smooth,
+            (Some(FitName::Triangulation), None) => Fit::Triangulation,
+            (None, None) => match given {
+                Given::Samples(_) => Fit::default(),
+                Given::Field(_) => Fit::for_enlargement(scale),
+            },
+        })
+    }
+}
+
+/// How the samples become pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum FitName {
+    /// Pixels that fit all samples best, each a point
+    LeastSquares,
+    /// As printed in the paper: all samples triangulated, the pixels between them interpolated barycentrically
+    Triangulation,
+    /// The picture of which every sample is the mean over its footprint
+    Joint,
+}
+
+/// What a sample averages.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum FootprintName {
+    /// Nothing: the picture at one place
+    Point,
+    /// The pixels of the result that it covers
+    Box,
+    /// A disc as wide as samples are apart
+    Disc,
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
@@ -70,6 +127,11 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         Given::Field(field) => (described, field.meta.colour, 2.0),
     };
     let scale = args.scale.unwrap_or(usual);
+    let pitch = match &given {
+        Given::Samples(samples) => mean_pitch(samples) * scale * meta.size[1] as f64 / samples.sensor.0 as f64,
+        Given::Field(_) => scale,
+    };
+    let fit = args.chosen_fit(&given, scale, pitch)?;
     let [rows, columns] = meta.views;
     meta.size = Enlargement::Bicubic(scale).size(meta.size);
     meta.pitch = Some(scale * meta.pitch.unwrap_or(1.0));
@@ -78,7 +140,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     meta.predictor = None;
     meta.provenance.push(json!({
         "tool": "lenslet", "version": env!("CARGO_PKG_VERSION"), "command": "refine",
-        "input": args.source.name(), "scale": scale, "fit": Fit::from(args.fit).name(),
+        "input": args.source.name(), "scale": scale, "fit": fit.name(),
     }));
     let target = Size { width: meta.size[1], height: meta.size[0] };
     let set = match &given {
@@ -97,7 +159,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         Ok(sink.write(v, u, &pixels)?)
     };
     let all: Vec<_> = (0..rows * columns).map(|k| (k / columns, k % columns)).collect();
-    let mut options = Options { fit: args.fit.into(), ..Options::default() };
+    let mut options = Options { fit, ..Options::default() };
     // Stated in pixels of the views that are there, searched in those of the result.
     options.disparity.range = args.range.range.map(|(a, b)| (a * scale as f32, b * scale as f32));
     let refined = RefinedViews::estimate(set, &options, &context.progress)?;
@@ -112,7 +174,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let text = format!("{out}: {rows}x{columns} views of {width}x{height} (enlarged by {scale}), {seconds:.1} s");
     let json = json!({
         "out": out, "views": meta.views, "size": meta.size, "scale": scale, "seconds": seconds,
-        "samples": matches!(given, Given::Samples(_)),
+        "samples": matches!(given, Given::Samples(_)), "fit": fit.name(),
     });
     Ok(Outcome { json, text })
 }

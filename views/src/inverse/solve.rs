@@ -1,0 +1,315 @@
+//! The solver: reweighted least squares, each round by conjugate gradients on the pixel grid.
+
+use std::ops::Range;
+
+use lenslet_core::colour::{LUMINANCE_OF_LINEAR, srgb_encode};
+use lenslet_core::image::box_mean;
+
+use super::basis::Basis;
+use super::conjugate_gradients::conjugate_gradients;
+use super::forward::{Grid, Row};
+use super::kernel::Kernel;
+use super::normal_stencil::Accumulator;
+use super::prior::EdgeWeights;
+
+/// Smallest residual that counts as unusual, encoded values.
+///
+/// Source: chosen, half a step of 8-bit values.
+const LEAST_RESIDUAL: f32 = 2e-3;
+
+/// Error of the samples' places and of the footprint, encoded values. All samples of a surface share it, so that more of
+/// them do not average it away.
+///
+/// Source: chosen.
+const SYSTEMATIC: f32 = 2e-3;
+
+/// Share of the pixels, those of the least contrast, where residuals are taken for noise.
+///
+/// Source: chosen.
+const PLAIN: f64 = 0.2;
+
+/// Least mean difference of neighbouring pixels that the prior assumes, encoded values.
+///
+/// Source: chosen.
+const LEAST_CONTRAST: f32 = 2e-3;
+
+/// Pixels on each side over which the mean difference is taken.
+///
+/// Source: chosen.
+const CONTRAST_RADIUS: usize = 4;
+
+/// Samples of a picture.
+pub struct Problem<'a> {
+    /// The pixels that are solved for.
+    pub grid: Grid,
+    /// What a sample averages.
+    pub kernel: &'a Kernel,
+    /// The samples in the picture.
+    pub rows: &'a [Row],
+    /// Value of every sample, up to three channels.
+    pub values: &'a [[f32; 4]],
+    /// 1 or 3.
+    pub channels: usize,
+    /// Slope of the sRGB encoding at every sample where values are linear light; empty where they are encoded.
+    pub slopes: &'a [f32],
+    /// Mean difference of neighbouring pixels that the prior expects around each pixel ([`mean_contrast`]).
+    pub contrast: &'a [f32],
+    /// Samples that keep their weight whatever their residual: those of the view itself.
+    pub own: Range<u32>,
+}
+
+/// How a problem is solved.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SolveOptions {
+    /// Times the weights are renewed; default 3.
+    pub reweightings: usize,
+    /// Steps of conjugate gradients each time; default 12.
+    pub steps: usize,
+    /// Weight of the prior; 1, the default, is that of a Laplacian distribution of differences.
+    pub prior: f32,
+    /// Differences below this many encoded values are punished by their square; default 0.1.
+    pub edge: f32,
+}
+
+impl Default for SolveOptions {
+    fn default() -> Self {
+        SolveOptions { reweightings: 3, steps: 12, prior: 1.0, edge: 0.1 }
+    }
+}
+
+/// A picture on the grid.
+pub struct Solution {
+    /// One plane a channel.
+    pub planes: Vec<Vec<f32>>,
+    /// Usual residual of the samples, encoded values.
+    pub residual: f32,
+    /// The picture as samples see it: k ∗ I.
+    pub smooth: Vec<Vec<f32>>,
+}
+
+impl Problem<'_> {
+    /// Slope of the encoding at a sample.
+    #[inline]
+    fn slope(&self, sample: u32) -> f32 {
+        self.slopes.get(sample as usize).copied().unwrap_or(1.0)
+    }
+
+    /// Root of the mean square of a row's residual over channels, encoded values.
+    #[inline]
+    fn residual<const N: usize>(&self, row: &Row, smooth: &[Vec<f32>]) -> f32 {
+        let value = &self.values[row.sample as usize];
+        let mut sum = 0.0;
+        for (plane, value) in smooth.iter().zip(value) {
+            let r = value - row.apply::<N>(plane, self.grid.width);
+            sum += r * r;
+        }
+        (sum / self.channels as f32).sqrt() * self.slope(row.sample)
+    }
+
+    /// Median residual of the samples that count where the contrast is below `contrast`.
+    fn usual_residual<const N: usize>(&self, smooth: &[Vec<f32>], contrast: f32) -> f32 {
+        let counts = |r: &&Row| r.weight > 0.3 && self.contrast[r.cell as usize] <= contrast;
+        let counted = self.rows.iter().filter(counts).step_by(23);
+        let mut all: Vec<f32> = counted.map(|r| self.residual::<N>(r, smooth)).filter(|r| r.is_finite()).collect();
+        let middle = all.len() / 2;
+        if all.is_empty() { 0.0 } else { *all.select_nth_unstable_by(middle, f32::total_cmp).1 }
+    }
+}
+
+/// A sample beside what the picture gives at its place.
+#[derive(Debug, Clone, Copy)]
+pub struct Predicted {
+    /// What was measured.
+    pub value: [f32; 4],
+    /// What the picture gives.
+    pub here: [f32; 3],
+    /// How that changes with the place along x, a pixel.
+    pub gx: [f32; 3],
+    /// How that changes with the place along y, a pixel.
+    pub gy: [f32; 3],
+    /// Slope of the encoding there.
+    pub slope: f32,
+    channels: usize,
+}
+
+impl Predicted {
+    /// Root of the mean square of the residual over channels, encoded values.
+    #[must_use]
+    pub fn residual(&self) -> f32 {
+        let square = |c: usize| (self.value[c] - self.here[c]).powi(2);
+        ((0..self.channels).map(square).sum::<f32>() / self.channels as f32).sqrt() * self.slope
+    }
+
+    /// Σ g² and Σ g r over channels, encoded values: r the residual, g how the picture's value changes when the place
+    /// moves by `direction` pixels.
+    #[must_use]
+    pub fn along(&self, direction: [f32; 2]) -> (f32, f32) {
+        let square = self.slope * self.slope;
+        let mut sums = (0.0, 0.0);
+        for c in 0..self.channels {
+            let g = self.gx[c] * direction[0] + self.gy[c] * direction[1];
+            sums.0 += square * g * g;
+            sums.1 += square * g * (self.value[c] - self.here[c]);
+        }
+        sums
+    }
+}
+
+impl Problem<'_> {
+    /// A row's sample beside the picture `smooth`.
+    #[must_use]
+    pub fn predicted(&self, row: &Row, smooth: &[Vec<f32>]) -> Predicted {
+        match self.grid.basis {
+            Basis::Linear => self.predicted_with::<2>(row, smooth),
+            Basis::Quadratic => self.predicted_with::<3>(row, smooth),
+            Basis::Cubic => self.predicted_with::<4>(row, smooth),
+        }
+    }
+
+    #[inline]
+    fn predicted_with<const N: usize>(&self, row: &Row, smooth: &[Vec<f32>]) -> Predicted {
+        let mut out = Predicted {
+            value: self.values[row.sample as usize],
+            here: [0.0; 3],
+            gx: [0.0; 3],
+            gy: [0.0; 3],
+            slope: self.slope(row.sample),
+            channels: self.channels,
+        };
+        for (c, plane) in smooth.iter().enumerate().take(3) {
+            [out.here[c], out.gx[c], out.gy[c]] = row.apply_with_slopes::<N>(plane, self.grid.width);
+        }
+        out
+    }
+}
+
+/// Solves from `start`, one plane a channel on the grid.
+#[must_use]
+pub fn solve(problem: &Problem<'_>, start: Vec<Vec<f32>>, options: &SolveOptions) -> Solution {
+    match problem.grid.basis {
+        Basis::Linear => solve_with::<2>(problem, start, options),
+        Basis::Quadratic => solve_with::<3>(problem, start, options),
+        Basis::Cubic => solve_with::<4>(problem, start, options),
+    }
+}
+
+fn solve_with<const N: usize>(problem: &Problem<'_>, start: Vec<Vec<f32>>, options: &SolveOptions) -> Solution {
+    let (grid, kernel) = (problem.grid, problem.kernel);
+    let mut planes = start;
+    let mut smooth: Vec<Vec<f32>> = planes.iter().map(|p| vec![0.0; p.len()]).collect();
+    let squared = kernel.squared();
+    let (mut residual, mut noise) = (0.0, f32::INFINITY);
+    let plain = quantile(problem.contrast, PLAIN);
+    let blur = |planes: &[Vec<f32>], smooth: &mut [Vec<f32>]| {
+        for (plane, smooth) in planes.iter().zip(smooth) {
+            kernel.convolve(plane, grid.width, smooth);
+        }
+    };
+    for _ in 0..=options.reweightings {
+        blur(&planes, &mut smooth);
+        residual = problem.usual_residual::<N>(&smooth, f32::INFINITY);
+        let scale = 1.0 / (2.0 * (1.5 * residual).max(LEAST_RESIDUAL));
+        let mut sums = Accumulator::new(&grid);
+        let mut total = 0f64;
+        for row in problem.rows {
+            let slope = problem.slope(row.sample);
+            let unusual =
+                if problem.own.contains(&row.sample) { 0.0 } else { problem.residual::<N>(row, &smooth) * scale };
+            let weight = row.weight / (1.0 + unusual * unusual);
+            total += f64::from(weight);
+            let weight = weight * slope * slope;
+            sums.add::<N>(row, weight, &problem.values[row.sample as usize]);
+        }
+        let (stencil, right) = sums.finish(problem.channels);
+        let view = (grid.width - 2 * grid.margin) * (grid.height - 2 * grid.margin);
+        let density = (total / view.max(1) as f64) as f32;
+        // A picture that the prior has flattened leaves larger residuals, which must not make the prior stronger.
+        noise = problem.usual_residual::<N>(&smooth, plain).min(noise);
+        let variance = (1.4826 * noise).powi(2) + density * SYSTEMATIC * SYSTEMATIC;
+        let edges = edge_weights(problem, &planes, variance, options);
+        let mut diagonal = vec![0f32; grid.pixels()];
+        squared.convolve(stencil.diagonal(), grid.width, &mut diagonal);
+        edges.add_diagonal(&mut diagonal);
+        let inverse: Vec<f32> = diagonal.iter().map(|d| 1.0 / d.max(1e-12)).collect();
+        let (mut a, mut b) = (vec![0f32; grid.pixels()], vec![0f32; grid.pixels()]);
+        for (plane, right) in planes.iter_mut().zip(&right) {
+            let mut target = vec![0f32; grid.pixels()];
+            kernel.convolve(right, grid.width, &mut target);
+            let multiply = |x: &[f32], out: &mut [f32]| {
+                kernel.convolve(x, grid.width, &mut a);
+                stencil.multiply(&a, &mut b);
+                kernel.convolve(&b, grid.width, out);
+                edges.add_product(x, out);
+            };
+            conjugate_gradients(multiply, &inverse, &target, plane, options.steps, 1e-5);
+        }
+    }
+    blur(&planes, &mut smooth);
+    Solution { planes, residual, smooth }
+}
+
+/// Luminance of a picture in encoded values, and the slope of the encoding there (1 where values are encoded).
+fn encoded_luminance(planes: &[Vec<f32>], linear: bool) -> (Vec<f32>, Vec<f32>) {
+    let light = |k: usize| match planes {
+        [r, g, b] => LUMINANCE_OF_LINEAR[0] * r[k] + LUMINANCE_OF_LINEAR[1] * g[k] + LUMINANCE_OF_LINEAR[2] * b[k],
+        [grey, ..] => grey[k],
+        [] => 0.0,
+    };
+    let light: Vec<f32> = (0..planes.first().map_or(0, Vec::len)).map(light).collect();
+    if linear {
+        (light.iter().map(|&l| srgb_encode(l.max(0.0))).collect(), light.iter().map(|&l| encoding_slope(l)).collect())
+    } else {
+        let slopes = vec![1.0; light.len()];
+        (light, slopes)
+    }
+}
+
+/// Mean difference of neighbouring pixels around each pixel of a picture whose rows have `width` pixels, encoded values.
+#[must_use]
+pub fn mean_contrast(planes: &[Vec<f32>], width: usize, linear: bool) -> Vec<f32> {
+    let (guide, _) = encoded_luminance(planes, linear);
+    let (w, h) = (width, guide.len() / width.max(1));
+    let mut contrast = vec![0f32; guide.len()];
+    for t in 0..h {
+        for s in 0..w {
+            let k = t * w + s;
+            let right = if s + 1 < w { (guide[k + 1] - guide[k]).abs() } else { 0.0 };
+            let below = if t + 1 < h { (guide[k + w] - guide[k]).abs() } else { 0.0 };
+            contrast[k] = 0.5 * (right + below);
+        }
+    }
+    let mut mean = Vec::new();
+    box_mean(&contrast, w, h, CONTRAST_RADIUS, &mut mean);
+    mean
+}
+
+/// Weights of the prior: those of a Laplacian distribution whose scale is the contrast expected around each pixel, for
+/// noise of this `variance` (encoded values).
+fn edge_weights(problem: &Problem<'_>, planes: &[Vec<f32>], variance: f32, options: &SolveOptions) -> EdgeWeights {
+    let (guide, slopes) = encoded_luminance(planes, !problem.slopes.is_empty());
+    let mean = problem.contrast;
+    EdgeWeights::of_guide(&guide, problem.grid.width, |difference, a, b| {
+        let scale = (0.5 * (mean[a] + mean[b])).max(LEAST_CONTRAST);
+        let slope = 0.5 * (slopes[a] * slopes[a] + slopes[b] * slopes[b]);
+        options.prior * variance * slope / (scale * difference.abs().max(options.edge))
+    })
+}
+
+/// The value that a `share` of `values` does not exceed; infinite where there are none.
+fn quantile(values: &[f32], share: f64) -> f32 {
+    let mut values = values.to_vec();
+    let at = (share * values.len() as f64) as usize;
+    if at >= values.len() { f32::INFINITY } else { *values.select_nth_unstable_by(at, f32::total_cmp).1 }
+}
+
+/// Darkest light at which the slope of the encoding is taken.
+///
+/// Source: chosen; darker, the weights of samples would differ by more than their noise does.
+const DARK: f32 = 0.004;
+
+/// Slope of the sRGB encoding at a linear value: encoded change per linear change.
+#[must_use]
+pub fn encoding_slope(linear: f32) -> f32 {
+    let x = linear.clamp(DARK, 1.0);
+    1.055 / 2.4 * x.powf(1.0 / 2.4 - 1.0)
+}
