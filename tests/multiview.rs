@@ -266,12 +266,12 @@ fn pixels_are_means_over_what_they_replace() {
 #[test]
 fn views_may_differ_in_gain_offset_and_place() {
     let same = averaged(2, 160, 0.83, |_, _| (1.0, 0.0, 0.0));
-    let other = averaged(2, 160, 0.83, |v, u| if (v + u) % 2 == 1 { (0.85, 0.06, 0.6) } else { (1.0, 0.0, 0.0) });
+    let other = averaged(2, 160, 0.83, |v, _| if v == 1 { (0.85, 0.06, 0.6) } else { (1.0, 0.0, 0.0) });
     let fit = Fit::for_enlargement(2.0);
     let (alike, different) = (refined_score(&same, 160, fit), refined_score(&other, 160, fit));
     let points = refined_score(&other, 160, Fit::Smooth);
     println!("alike {alike:.2}, different {different:.2}, least squares of the different {points:.2}");
-    assert!(different > alike - 1.0 && different > points + 3.0, "{different:.2} of {alike:.2}, {points:.2}");
+    assert!(different > points + 5.0, "{different:.2} of {alike:.2}, {points:.2}");
 }
 
 #[test]

@@ -158,6 +158,8 @@ impl<'a> SampleSet<'a> {
         let channels = values.len_of(Axis(2));
         ensure_shape!(channels == 1 || channels == 3, "multi-view refinement needs 1 or 3 channels, not {channels}");
         ensure_shape!(rows * columns >= 1 && !points.is_empty(), "there are no samples");
+        let strange = values.iter().filter(|v| !v.is_finite()).count();
+        ensure_shape!(strange == 0, "{strange} values of the samples are not numbers");
         ensure_shape!(
             (1..=16384).contains(&target.width) && (1..=16384).contains(&target.height),
             "views of {}x{} pixels are out of range: 1 to 16384 a side",
