@@ -113,7 +113,9 @@ fn pictures_and_figures_are_written_whole_or_refused() {
     for name in ["p.png", "p-close.png", "p-residuals.png"] {
         assert!(image::open(dir.path().join(name)).unwrap().width() >= 70, "{name}");
     }
-    assert_eq!(fs::read_dir(&dump).unwrap().count(), 10);
+    // Ten figures, and the list of them.
+    assert_eq!(fs::read_dir(&dump).unwrap().count(), 11);
+    assert!(dump.join(".lenslet").exists());
     assert_eq!(image::open(&picture).unwrap().width(), 400);
     // Each output that exists is found before any work is done.
     fs::remove_file(&out).unwrap();

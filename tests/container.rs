@@ -183,7 +183,9 @@ fn bundles_never_write_outside_their_folder() {
             if path.is_dir() { folders.push(path) } else { found.push(path) }
         }
     }
-    assert_eq!(found.len(), 1 + names.len() + 1, "{found:?}");
+    // The bundle, its files, the description and the list of what was written.
+    assert_eq!(found.len(), 1 + names.len() + 2, "{found:?}");
+    assert!(out.join(".lenslet").exists());
     assert!(found.iter().all(|p| p.starts_with(&out) || *p == bundle));
     assert_eq!(fs::read(out.join("T1CALIB/MOD_0001.RAW")).unwrap(), one);
     assert_eq!(fs::read(out.join("escape.txt")).unwrap(), two);
@@ -281,7 +283,8 @@ fn decode_finds_the_white_image_of_a_capture_in_a_bundle() {
     }
     // No camera fits: one line says what was looked for and what was there.
     shot.camera.serial = Some("C3".into());
-    write_lfp(&scene, &shot, true).unwrap();
+    fs::remove_file(&scene).unwrap();
+    write_lfp(&scene, &shot, false).unwrap();
     let run = decode(&bundle, &dir.path().join("none.npy"));
     let told = String::from_utf8_lossy(&run.stderr).into_owned();
     assert!(!run.status.success() && told.contains("serial C3") && told.contains("of another camera, A1"), "{told}");
@@ -296,7 +299,7 @@ fn lytros_own_renderings_are_listed_and_extracted() {
     assert_eq!((json["image_present"].as_bool(), json["missing"].as_array().unwrap().len()), (Some(false), 3));
     let dir = tempfile::tempdir().unwrap();
     let extract = |name: &str| {
-        let out = dir.path().join(name);
+        let out = dir.path().join(name.replace('.', "-"));
         let run = lenslet(&["extract", lfp.join(name).to_str().unwrap(), "--out", out.to_str().unwrap()]);
         assert!(run.status.success());
         out

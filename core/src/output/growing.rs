@@ -35,7 +35,7 @@ pub fn is_listed(folder: &Path, name: &str) -> bool {
 /// # Errors
 /// [`Error::Kept`].
 pub fn check_listed(folder: &Path, name: &str) -> Result<(), Error> {
-    check_in(&List::read(folder).unwrap_or_else(List::new), folder, name)
+    check_in(&List::read(folder).unwrap_or_else(List::empty), folder, name)
 }
 
 fn check_in(list: &List, folder: &Path, name: &str) -> Result<(), Error> {
@@ -64,7 +64,7 @@ fn check_in(list: &List, folder: &Path, name: &str) -> Result<(), Error> {
 /// ```
 pub fn replace_listed(folder: &Path, name: &str, bytes: &[u8]) -> Result<(), Error> {
     let target = folder.join(name);
-    let mut list = List::read(folder).unwrap_or_else(List::new);
+    let mut list = List::read(folder).unwrap_or_else(List::empty);
     check_in(&list, folder, name)?;
     // Noted first: a run that is killed between the two leaves a file that is one of those expected.
     list.expect(name, Stamp::of(bytes));

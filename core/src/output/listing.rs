@@ -86,7 +86,7 @@ impl List {
     }
 
     /// A list without files.
-    pub(super) fn new() -> List {
+    pub(super) fn empty() -> List {
         List { tool: concat!("lenslet ", env!("CARGO_PKG_VERSION")).into(), files: BTreeMap::new(), aside: None }
     }
 
@@ -138,7 +138,7 @@ impl List {
     /// # Errors
     /// When a file is missing, or something else is there.
     fn of_complete(folder: &Path, names: &BTreeSet<String>) -> io::Result<List> {
-        let mut list = List::new();
+        let mut list = List::empty();
         for name in names.iter().filter(|n| !n.ends_with('/')) {
             let path = folder.join(name);
             // A file that was created, and given up again, is no part of the output.

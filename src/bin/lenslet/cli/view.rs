@@ -123,13 +123,15 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let content = ViewerContent { title, views, sets };
     let html = viewer::viewer_page(&content, args.quality, (args.max_mb * 1e6) as usize)?;
     output::write_file(&args.out, args.force, html.as_bytes())?;
-    let megabytes = html.len() as f64 / 1e6;
+    // With the mark that says who wrote it.
+    let bytes = std::fs::metadata(&args.out).map_or(html.len() as u64, |m| m.len());
+    let megabytes = bytes as f64 / 1e6;
     let text = format!(
         "{}: {megabytes:.1} MB, {} light field(s), views of {side} pixels",
         args.out.display(),
         content.sets.len()
     );
-    let json = json!({ "out": args.out, "bytes": html.len(), "side": side, "sets": content.sets.len() });
+    let json = json!({ "out": args.out, "bytes": bytes, "side": side, "sets": content.sets.len() });
     Ok(Outcome { json, text })
 }
 
