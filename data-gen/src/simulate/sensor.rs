@@ -29,7 +29,7 @@ pub fn white_pattern(camera: &Camera, lenslets: &Lenslets) -> Vec<f32> {
 /// The light on every pixel behind the micro-images under an even white scene, 1 at the brightest lenslet centres;
 /// row-major.
 ///
-/// Lenslets that differ in their blur: the patterns of [`SPOT_LEVELS`] blurs, each pixel taken between the two that
+/// Lenslets that differ in their blur: the patterns of `SPOT_LEVELS` blurs, each pixel taken between the two that
 /// are next to its lenslet's.
 pub fn light_pattern(images: &MicroImages) -> Vec<f32> {
     let camera = images.camera();
