@@ -72,7 +72,7 @@ fn a_written_container_is_read_the_same() {
         write_lfp(&path, &capture, false).unwrap();
         assert!(bare(open_capture(&path, None).unwrap()) == capture);
         assert!(write_lfp(&path, &capture, false).is_err(), "existing file");
-        write_lfp(&path, &capture, true).unwrap();
+        assert!(write_lfp(&path, &capture, true).is_err(), "a capture is never replaced");
     }
     assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 3);
 }
