@@ -5,21 +5,10 @@
 
 use std::path::Path;
 
+use program::{lenslet, text};
 use serde_json::Value;
 
-fn lenslet(arguments: &[&str]) -> Value {
-    let output = std::process::Command::new(env!("CARGO_BIN_EXE_lenslet"))
-        .args(["-q", "--json"])
-        .args(arguments)
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    serde_json::from_slice(&output.stdout).unwrap()
-}
-
-fn text(p: &Path) -> &str {
-    p.to_str().unwrap()
-}
+mod program;
 
 /// PSNR of luminance of every view of 3x3.
 type Views = Vec<f64>;

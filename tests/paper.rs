@@ -3,27 +3,15 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it measured
 
-use std::path::{Path, PathBuf};
-use std::process::Output;
+use std::path::PathBuf;
 
 use lenslet_core::digest::sha256_hex;
 use lenslet_core::sampling::{Footprint, Weights, lattice_samples};
 use ndarray::{Array3, Array5, Axis};
+use program::{lenslet, run, text};
 use serde_json::Value;
 
-fn run(arguments: &[&str]) -> Output {
-    std::process::Command::new(env!("CARGO_BIN_EXE_lenslet")).args(["-q", "--json"]).args(arguments).output().unwrap()
-}
-
-fn lenslet(arguments: &[&str]) -> Value {
-    let output = run(arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    serde_json::from_slice(&output.stdout).unwrap()
-}
-
-fn text(p: &Path) -> &str {
-    p.to_str().unwrap()
-}
+mod program;
 
 /// A simulated capture, its calibration, and the way to a score.
 struct World {

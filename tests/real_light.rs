@@ -15,23 +15,11 @@ use lenslet_views::multiview::hidden_score;
 use lenslet_views::reconstruct::Options;
 use lenslet_views::{Error, Learned, Method, RenderSamples as _};
 use ndarray::{Array3, Array5, Axis, s};
+use program::{lenslet, text};
 use serde_json::Value;
 
 mod fixtures;
-
-fn lenslet(arguments: &[&str]) -> Value {
-    let output = std::process::Command::new(env!("CARGO_BIN_EXE_lenslet"))
-        .args(["-q", "--json"])
-        .args(arguments)
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    serde_json::from_slice(&output.stdout).unwrap()
-}
-
-fn text(p: &Path) -> &str {
-    p.to_str().unwrap()
-}
+mod program;
 
 fn within(value: &Value, low: f64, high: f64) {
     let v = value.as_f64().unwrap();

@@ -19,6 +19,7 @@ use lenslet_core::decode::HexSamples;
 use lenslet_core::dictionary;
 use lenslet_core::lightfield::{self, ColourSpace, Format, Meta, ReadOptions};
 use lenslet_core::progress::Silent;
+use lenslet_test_support::{lfp_segment, png_chunk};
 use ndarray::Array3;
 use sha2::Digest;
 
@@ -80,12 +81,7 @@ fn calibration_bundles_and_archives() {
         let mut bundle = MAGIC.to_vec();
         bundle.extend([0, 0, 0, 1, 0, 0, 0, 0]);
         for (letter, payload) in [(b'M', contents.to_string().as_bytes()), (b'C', &image), (b'C', &metadata)] {
-            bundle.extend([0x89, b'L', b'F', letter, b'\r', b'\n', 0x1a, b'\n', 0, 0, 0, 0]);
-            bundle.extend((payload.len() as u32).to_be_bytes());
-            bundle.extend(sha1_of(payload).bytes());
-            bundle.extend([0; 35]);
-            bundle.extend(payload);
-            bundle.resize(bundle.len().next_multiple_of(16), 0);
+            lfp_segment(&mut bundle, letter, &sha1_of(payload), payload);
         }
         for (seed, name, bytes) in [(4, "caldata.tar", archive), (5, "data.C.0", bundle)] {
             let slot = Slot::new(name);
@@ -186,16 +182,6 @@ fn pictures() {
             });
         }
     });
-}
-
-fn png_chunk(out: &mut Vec<u8>, kind: &[u8; 4], data: &[u8]) {
-    out.extend((data.len() as u32).to_be_bytes());
-    let mut crc = flate2::Crc::new();
-    crc.update(kind);
-    crc.update(data);
-    out.extend(kind);
-    out.extend(data);
-    out.extend(crc.sum().to_be_bytes());
 }
 
 #[test]

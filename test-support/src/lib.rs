@@ -4,11 +4,15 @@
 //! skip is written to stderr, which the test harness does not hide, and to `skipped/tests.tsv` in the target folder;
 //! `.ci/run` empties that file before the tests and lists it after them. With `LENSLET_NO_SKIP=1` a skip is a failure.
 
+mod made_files;
+
 use std::ffi::OsString;
 use std::fs::OpenOptions;
 use std::io::Write;
 use std::panic::Location;
 use std::path::{Path, PathBuf};
+
+pub use made_files::{lfp_segment, png_chunk};
 
 /// Whether a skipped test should have been run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -2,38 +2,30 @@
 
 use std::io::Write as _;
 
+use lenslet_test_support::png_chunk;
+
 use super::bench::Bench;
 use super::fields::{aloud, told};
 
 /// Memory that a run may take at most, KiB: far below what the files claim.
 const LIMIT: &str = "700";
 
-fn chunk(out: &mut Vec<u8>, kind: &[u8; 4], data: &[u8]) {
-    out.extend((data.len() as u32).to_be_bytes());
-    let mut crc = flate2::Crc::new();
-    crc.update(kind);
-    crc.update(data);
-    out.extend(kind);
-    out.extend(data);
-    out.extend(crc.sum().to_be_bytes());
-}
-
 /// A PNG of `width`×`height` pixels of `bits` and `colour` that are all the same.
 fn flat_png(width: u32, height: u32, bits: u8, colour: u8) -> Vec<u8> {
     let mut bytes = b"\x89PNG\r\n\x1a\n".to_vec();
     let mut head = [width.to_be_bytes(), height.to_be_bytes()].concat();
     head.extend([bits, colour, 0, 0, 0]);
-    chunk(&mut bytes, b"IHDR", &head);
+    png_chunk(&mut bytes, b"IHDR", &head);
     if colour == 3 {
-        chunk(&mut bytes, b"PLTE", &[0, 0, 0, 255, 255, 255]);
+        png_chunk(&mut bytes, b"PLTE", &[0, 0, 0, 255, 255, 255]);
     }
     let mut packed = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::fast());
     let line = vec![0; 1 + (width as usize * usize::from(bits)).div_ceil(8)];
     for _ in 0..height {
         packed.write_all(&line).unwrap();
     }
-    chunk(&mut bytes, b"IDAT", &packed.finish().unwrap());
-    chunk(&mut bytes, b"IEND", &[]);
+    png_chunk(&mut bytes, b"IDAT", &packed.finish().unwrap());
+    png_chunk(&mut bytes, b"IEND", &[]);
     bytes
 }
 
@@ -44,9 +36,9 @@ fn pictures_that_claim_much_are_refused_within_bounded_memory() {
     let mut claim = b"\x89PNG\r\n\x1a\n".to_vec();
     let mut head = [96u32.to_be_bytes(), 268_435_456u32.to_be_bytes()].concat();
     head.extend([8, 2, 0, 0, 0]);
-    chunk(&mut claim, b"IHDR", &head);
-    chunk(&mut claim, b"IDAT", &[0x78, 0x9c, 0x03, 0, 0, 0, 0, 1]);
-    chunk(&mut claim, b"IEND", &[]);
+    png_chunk(&mut claim, b"IHDR", &head);
+    png_chunk(&mut claim, b"IDAT", &[0x78, 0x9c, 0x03, 0, 0, 0, 0, 1]);
+    png_chunk(&mut claim, b"IEND", &[]);
     bench.put("p/bad.png", &claim);
     bench.put("palette.png", flat_png(8190, 8190, 1, 3));
     bench.done("simulate --sensor 160 --size 160 --views 1 --whites 1 --out s");

@@ -18,4 +18,4 @@ mod target;
 pub use error::Error;
 pub use method::{Learned, Method};
 pub use renderer::{InterpolatedViews, LearnedViews, RenderSamples, Renderer, RendererBuilder, working_size};
-pub use target::{PixelSink, Sink, mean_pitch, native_size};
+pub use target::{PixelSink, Sink, mean_pitch, native_size, view_pitch};

@@ -13,6 +13,12 @@ pub fn mean_pitch(samples: &HexSamples) -> f64 {
     (area / samples.centres.len().max(1) as f64 / (3f64.sqrt() / 2.0)).sqrt()
 }
 
+/// Mean distance of neighbouring lenslets in pixels of views `width` pixels wide.
+#[must_use]
+pub fn view_pitch(samples: &HexSamples, width: usize) -> f64 {
+    mean_pitch(samples) * width as f64 / samples.sensor.0.max(1) as f64
+}
+
 /// The size at which views have about one pixel a lenslet: a pixel a pitch along the rows, scene pixels square.
 #[must_use]
 pub fn native_size(samples: &HexSamples) -> Size {

@@ -1,5 +1,7 @@
 //! Errors of dictionaries, by cause.
 
+use crate::interpolation::Interpolation;
+
 /// Errors of reading, writing and using dictionaries.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -72,4 +74,13 @@ pub enum Error {
     /// The sparse solver refused its input.
     #[error(transparent)]
     Sparse(#[from] crate::sparse::Error),
+}
+
+impl Error {
+    /// That a network's side inputs are missing.
+    #[must_use]
+    pub fn no_side_inputs(inputs: &[Interpolation]) -> Error {
+        let names: Vec<&str> = inputs.iter().map(|i| i.name()).collect();
+        Error::NoSideInputs { inputs: names.join(" and ") }
+    }
 }

@@ -92,8 +92,7 @@ impl PlaneReconstructor {
         }
         let taken = self.side_inputs();
         if side_inputs.len() < taken.len() {
-            let names: Vec<&str> = taken.iter().map(|i| i.name()).collect();
-            return Err(Error::NoSideInputs { inputs: names.join(" and ") });
+            return Err(Error::no_side_inputs(taken));
         }
         let side_inputs = &side_inputs[..taken.len()];
         let finite = |v: f32| if v.is_finite() { v } else { 0.0 };

@@ -130,7 +130,7 @@ pub(super) fn fingerprint_by(
         sum.update(&part);
         done = from + n;
     }
-    Ok(sum.finalize().iter().map(|b| format!("{b:02x}")).collect())
+    Ok(format!("{:x}", sum.finalize()))
 }
 
 #[cfg(test)]

@@ -19,7 +19,7 @@ use super::sample::{SampleFormat, SampleKind};
 use super::value_range::{Extent, full_scale};
 use super::view_io::{ViewSink, ViewSource, check_all_written, check_finite, relative_weights};
 use super::write_queue::WriteQueue;
-use crate::input::open_regular;
+use crate::input::{open_regular, read_regular};
 use crate::output::{NPY_HEADER, Pending, write_at};
 
 /// First bytes of every .npy.
@@ -181,7 +181,8 @@ impl Reader {
             }
             return Ok(());
         }
-        let found = read_text(&beside).and_then(|text| Companion::from_text(&text)).and_then(|found| {
+        let text = read_regular(&beside, MAX_TEXT).map_err(|e| e.to_string());
+        let found = text.and_then(|text| Companion::from_text(&text)).and_then(|found| {
             let fingerprint = fingerprint_of_file(&self.path, self.start, bytes).map_err(|e| e.to_string())?;
             found.of(&self.meta, &fingerprint)
         });
@@ -286,14 +287,6 @@ fn place_in(k: u64, header: &Header, stored: usize) -> String {
         k /= side;
     }
     format!("{index:?}")
-}
-
-/// The text of a description beside an array.
-fn read_text(path: &Path) -> Result<Vec<u8>, String> {
-    let mut text = Vec::new();
-    let (file, _) = open_regular(path).map_err(|e| e.to_string())?;
-    file.take(MAX_TEXT).read_to_end(&mut text).map_err(|e| e.to_string())?;
-    Ok(text)
 }
 
 impl ViewSource for Reader {

@@ -128,7 +128,7 @@ impl ViewSource for Reader {
     fn read(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {
         self.meta.check_place(v, u)?;
         match &self.names[v * self.meta.views[1] + u] {
-            Some(name) => self.range.apply(image_file::read_view(&self.folder.join(name), &self.meta)?),
+            Some(name) => Ok(self.range.apply(image_file::read_view(&self.folder.join(name), &self.meta)?)),
             None => Ok(Array3::zeros(self.meta.view_shape())),
         }
     }

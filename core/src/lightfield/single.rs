@@ -41,6 +41,6 @@ impl ViewSource for SinglePicture {
 
     fn read(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {
         self.meta.check_place(v, u)?;
-        self.range.apply(image_file::read_view(&self.path, &self.meta)?)
+        Ok(self.range.apply(image_file::read_view(&self.path, &self.meta)?))
     }
 }

@@ -144,8 +144,8 @@ pub(super) fn full_scale(
 pub(super) struct PictureRange {
     /// Factor on values 0..1, where it is not 1.
     factor: Option<f32>,
-    /// What there is to say, at most one sentence.
-    pub(super) note: Vec<String>,
+    /// What there is to say.
+    pub(super) note: Option<String>,
 }
 
 impl PictureRange {
@@ -159,15 +159,15 @@ impl PictureRange {
         extent.add(number, &bytes);
         let (full, note) = full_scale(path, number.kind, &extent, wanted, |k| format!("value {k}"))?;
         let usual = number.kind.full_scale().unwrap_or(1.0);
-        Ok(PictureRange { factor: (full != usual).then_some(usual / full), note: note.into_iter().collect() })
+        Ok(PictureRange { factor: (full != usual).then_some(usual / full), note })
     }
 
     /// Values 0..1 of the pictures' own type, on this range.
-    pub(super) fn apply(&self, mut view: Array3<f32>) -> Result<Array3<f32>, Error> {
+    pub(super) fn apply(&self, mut view: Array3<f32>) -> Array3<f32> {
         if let Some(factor) = self.factor {
             view.mapv_inplace(|x| x * factor);
         }
-        Ok(view)
+        view
     }
 }
 

@@ -64,11 +64,13 @@ fn check_in(list: &List, folder: &Path, name: &str) -> Result<(), Error> {
 /// ```
 pub fn replace_listed(folder: &Path, name: &str, bytes: &[u8]) -> Result<(), Error> {
     let target = folder.join(name);
-    let mut list = List::read(folder).unwrap_or_else(List::empty);
+    let found = List::read(folder);
+    let is_foreign = found.is_none() && folder.join(LIST).symlink_metadata().is_ok();
+    let mut list = found.unwrap_or_else(List::empty);
     check_in(&list, folder, name)?;
     // Noted first: a run that is killed between the two leaves a file that is one of those expected.
     list.expect(name, Stamp::of(bytes));
-    if folder.join(LIST).symlink_metadata().is_ok() && List::read(folder).is_none() {
+    if is_foreign {
         return Err(Error::Kept { path: folder.join(LIST), why: "lenslet did not write it".into() });
     }
     put(folder, LIST, &list.to_bytes().map_err(io_at(&target))?)?;

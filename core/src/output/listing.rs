@@ -8,9 +8,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::{Mutex, MutexGuard};
 
 use serde::{Deserialize, Serialize};
+
+use crate::input::{open_regular, read_regular};
 
 /// Name of the list in a complete folder.
 pub const LIST: &str = ".lenslet";
@@ -34,18 +36,9 @@ impl Stamp {
 
     /// That of a regular file; nothing else is opened.
     fn of_file(path: &Path) -> io::Result<Stamp> {
-        let mut file = crate::input::open_regular(path)?.0;
-        let mut crc = flate2::Crc::new();
-        let mut block = vec![0; 1 << 18];
-        let mut length = 0;
-        loop {
-            let n = file.read(&mut block)?;
-            if n == 0 {
-                return Ok(Stamp(length, crc.sum()));
-            }
-            crc.update(&block[..n]);
-            length += n as u64;
-        }
+        let mut file = flate2::CrcReader::new(open_regular(path)?.0);
+        let length = io::copy(&mut file, &mut io::sink())?;
+        Ok(Stamp(length, file.crc().sum()))
     }
 }
 
@@ -77,10 +70,7 @@ fn listed_name(root: &Path, path: &Path) -> Option<String> {
 impl List {
     /// The list in a folder, where there is one.
     pub(super) fn read(folder: &Path) -> Option<List> {
-        let (file, length) = crate::input::open_regular(&folder.join(LIST)).ok()?;
-        let mut bytes = Vec::new();
-        (length <= MAX_LIST).then_some(())?;
-        file.take(MAX_LIST).read_to_end(&mut bytes).ok()?;
+        let bytes = read_regular(&folder.join(LIST), MAX_LIST).ok()?;
         let list: List = serde_json::from_slice(&bytes).ok()?;
         list.tool.starts_with("lenslet ").then_some(list)
     }
@@ -266,22 +256,17 @@ impl Journal {
         if folder {
             name.push('/');
         }
-        let broken = |_| io::Error::other("a thread failed while it wrote the journal");
         let mut line = serde_json::to_vec(&name)?;
         line.push(b'\n');
-        if self.names.lock().map_err(broken)?.insert(name) {
-            self.file
-                .lock()
-                .map_err(|_| io::Error::other("a thread failed while it wrote the journal"))?
-                .write_all(&line)?;
+        if locked(&self.names)?.insert(name) {
+            locked(&self.file)?.write_all(&line)?;
         }
         Ok(())
     }
 
     /// Replaces the journal by the list of the complete folder.
     pub(super) fn close(&self) -> io::Result<()> {
-        let names = self.names.lock().map_err(|_| io::Error::other("a thread failed while it wrote the journal"))?;
-        let list = List::of_complete(&self.root, &names)?;
+        let list = List::of_complete(&self.root, &*locked(&self.names)?)?;
         let mut file = File::create_new(self.root.join(LIST))?;
         file.write_all(&list.to_bytes()?)?;
         file.sync_data()?;
@@ -298,9 +283,13 @@ impl Journal {
     }
 }
 
+fn locked<T>(mutex: &Mutex<T>) -> io::Result<MutexGuard<'_, T>> {
+    mutex.lock().map_err(|_| io::Error::other("a thread failed while it wrote the journal"))
+}
+
 /// Removes what a killed run left in an unfinished folder: the files its journal or its list names, nothing else.
 pub(super) fn remove_unfinished(folder: &Path) -> io::Result<()> {
-    if let Ok((file, length)) = crate::input::open_regular(&folder.join(JOURNAL)) {
+    if let Ok((file, length)) = open_regular(&folder.join(JOURNAL)) {
         let mut bytes = Vec::new();
         file.take(length.min(MAX_LIST)).read_to_end(&mut bytes)?;
         // The last line may be cut off; its file was not yet created.

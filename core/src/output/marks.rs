@@ -119,20 +119,12 @@ fn recognise(path: &Path) -> std::io::Result<bool> {
         let rest = kind.comment(0).len() + kind.end().len();
         let Some(start) = length.checked_sub(rest as u64) else { return Ok(false) };
         file.seek(SeekFrom::Start(0))?;
-        let mut crc = flate2::Crc::new();
-        let mut begin = file.by_ref().take(start);
-        let mut block = vec![0; 1 << 18];
-        loop {
-            let n = begin.read(&mut block)?;
-            if n == 0 {
-                break;
-            }
-            crc.update(&block[..n]);
-        }
-        crc.update(kind.end());
+        let mut begin = flate2::CrcReader::new(file.by_ref().take(start).chain(kind.end()));
+        std::io::copy(&mut begin, &mut std::io::sink())?;
+        let crc = begin.crc().sum();
         let mut found = Vec::new();
         file.take(rest as u64 + 1).read_to_end(&mut found)?;
-        return Ok(found == [&kind.comment(crc.sum()), kind.end()].concat());
+        return Ok(found == [&kind.comment(crc), kind.end()].concat());
     }
     let first_line = head.split(|&b| b == b'\n').next().unwrap_or_default();
     let has = |bytes: &[u8], text: &[u8]| bytes.windows(text.len()).any(|w| w == text);

@@ -1,7 +1,7 @@
 //! Whether an output may stand where it is asked for: what is there already, and what it holds.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::error::Error;
 use super::listing::{List, device_of};
@@ -103,7 +103,7 @@ pub(super) fn refusal(target: &Path, kind: Kind) -> Error {
 /// assert!(matches!(check_target(&notes, Kind::File, true, &[]), Err(Error::Kept { .. })));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub fn check_target(target: &Path, kind: Kind, force: bool, inputs: &[PathBuf]) -> Result<(), Error> {
+pub fn check_target(target: &Path, kind: Kind, force: bool, inputs: &[&Path]) -> Result<(), Error> {
     if fs::symlink_metadata(target).is_err() {
         return Ok(());
     }

@@ -8,7 +8,7 @@ use std::fs::{self, File, OpenOptions};
 use std::hash::{BuildHasher, Hasher};
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use super::listing::{self, Journal, List};
 use crate::digest::sha256_hex;
@@ -32,7 +32,12 @@ pub(super) struct Temporary {
 }
 
 /// The machine and its boot, eight digits each; zeros where they are not known.
-fn machine() -> (String, String) {
+fn machine() -> &'static (String, String) {
+    static MACHINE: OnceLock<(String, String)> = OnceLock::new();
+    MACHINE.get_or_init(read_machine)
+}
+
+fn read_machine() -> (String, String) {
     let text = |path: &str| fs::read_to_string(path).map(|t| t.trim().to_string()).unwrap_or_default();
     let short = |text: &str| if text.is_empty() { "0".repeat(8) } else { sha256_hex(text.as_bytes())[..8].to_string() };
     let (id, boot) = (text("/etc/machine-id"), text("/proc/sys/kernel/random/boot_id"));
@@ -128,7 +133,7 @@ fn is_of_this_machine(name: &str) -> bool {
     }
     let (host, boot) = machine();
     let zero = "0".repeat(8);
-    (ids[8..] == boot && boot != zero) || (ids[..8] == host && host != zero)
+    (ids[8..] == *boot && *boot != zero) || (ids[..8] == *host && *host != zero)
 }
 
 /// Removes what runs of this machine that have ended left in a folder: files under temporary names, and of folders what

@@ -22,4 +22,5 @@ pub use basis::Basis;
 pub use footprint::SampleFootprint;
 pub use forward::{Grid, Row};
 pub use kernel::Kernel;
+pub(crate) use solve::quantile;
 pub use solve::{Predicted, Problem, Solution, SolveOptions, encoding_slope, mean_contrast, solve};

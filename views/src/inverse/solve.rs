@@ -110,9 +110,7 @@ impl Problem<'_> {
     fn usual_residual<const N: usize>(&self, smooth: &[Vec<f32>], contrast: f32) -> f32 {
         let counts = |r: &&Row| r.weight > 0.3 && self.contrast[r.cell as usize] <= contrast;
         let counted = self.rows.iter().filter(counts).step_by(23);
-        let mut all: Vec<f32> = counted.map(|r| self.residual::<N>(r, smooth)).filter(|r| r.is_finite()).collect();
-        let middle = all.len() / 2;
-        if all.is_empty() { 0.0 } else { *all.select_nth_unstable_by(middle, f32::total_cmp).1 }
+        quantile(counted.map(|r| self.residual::<N>(r, smooth)), 0.5).unwrap_or(0.0)
     }
 }
 
@@ -199,7 +197,7 @@ fn solve_with<const N: usize>(problem: &Problem<'_>, start: Vec<Vec<f32>>, optio
     let mut smooth: Vec<Vec<f32>> = planes.iter().map(|p| vec![0.0; p.len()]).collect();
     let squared = kernel.squared();
     let (mut residual, mut noise) = (0.0, f32::INFINITY);
-    let plain = quantile(problem.contrast, PLAIN);
+    let plain = quantile(problem.contrast.iter().copied(), PLAIN).unwrap_or(f32::INFINITY);
     let blur = |planes: &[Vec<f32>], smooth: &mut [Vec<f32>]| {
         for (plane, smooth) in planes.iter().zip(smooth) {
             kernel.convolve(plane, grid.width, smooth);
@@ -295,11 +293,11 @@ fn edge_weights(problem: &Problem<'_>, planes: &[Vec<f32>], variance: f32, optio
     })
 }
 
-/// The value that a `share` of `values` does not exceed; infinite where there are none.
-fn quantile(values: &[f32], share: f64) -> f32 {
-    let mut values = values.to_vec();
+/// The value that a `share` (0 to below 1) of the finite ones among `values` does not exceed; `None` where there are none.
+pub(crate) fn quantile(values: impl Iterator<Item = f32>, share: f64) -> Option<f32> {
+    let mut values: Vec<f32> = values.filter(|v| v.is_finite()).collect();
     let at = (share * values.len() as f64) as usize;
-    if at >= values.len() { f32::INFINITY } else { *values.select_nth_unstable_by(at, f32::total_cmp).1 }
+    (at < values.len()).then(|| *values.select_nth_unstable_by(at, f32::total_cmp).1)
 }
 
 /// Darkest light at which the slope of the encoding is taken.

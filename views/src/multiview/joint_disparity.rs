@@ -3,7 +3,6 @@
 
 use lenslet_core::image::Plane;
 
-use super::view_disparities::view_offset;
 use crate::inverse::{Problem, Solution};
 
 /// Standard deviation of the window whose samples share a correction, pixels of the map.
@@ -57,8 +56,7 @@ impl Corrections {
         }
     }
 
-    /// Corrects the map; `reach`: steps to the outermost view, `unit`: pixels of the target per pixel of the map,
-    /// `residual`: usual residual of the samples.
+    /// Corrects the map; `reach`: steps to the outermost view, `residual`: usual residual of the samples.
     pub(super) fn apply(mut self, map: &mut Plane, reach: f32, residual: f32) {
         let (w, h) = (self.width, self.height);
         gaussian(&mut self.normal, w, h);
@@ -71,12 +69,6 @@ impl Corrections {
         }
         map.data = median_of_nine(&map.data, w, h);
     }
-}
-
-/// Steps (u, v) from the view `k` to the view `target`.
-pub(super) fn steps_between(views: (usize, usize), k: usize, target: usize) -> [f32; 2] {
-    let (a, b) = (view_offset(views, k), view_offset(views, target));
-    [a[0] - b[0], a[1] - b[1]]
 }
 
 /// Gaussian mean with [`WINDOW`], edges repeated, in place; the sum over the window is its area times this.

@@ -6,10 +6,10 @@ use lenslet_core::colour::LUMINANCE_OF_LINEAR;
 use lenslet_core::progress::Observer;
 use ndarray::Array3;
 
-use super::joint_disparity::{Corrections, steps_between};
-use super::rays::{OWN, visibility};
+use super::joint_disparity::Corrections;
+use super::rays::{LEAST_WEIGHT, OWN, carry_samples};
 use super::sample_set::{Kind, SampleSet};
-use super::view_disparities::{ViewDisparities, view_offset};
+use super::view_disparities::{ViewDisparities, steps_between};
 use super::view_models::{ViewModel, ViewRows, normalised, renew_models};
 use crate::Error;
 use crate::inverse::{
@@ -84,42 +84,37 @@ impl JointFit {
         at: (usize, usize),
         grid: &Grid,
     ) -> Placed<'a> {
-        let views = (disparities.rows, disparities.columns);
-        let target_view = at.0 * views.1 + at.1;
-        let target = view_offset(views, target_view);
-        let n = set.points.len();
+        let views = set.views();
+        let target = at.0 * views.1 + at.1;
         let reach = self.kernel.radius() as f32;
-        let mut rows = Vec::with_capacity(n * views.0 * views.1);
+        let mut rows = Vec::with_capacity(set.points.len() * views.0 * views.1);
         let mut parts = Vec::with_capacity(views.0 * views.1);
-        let here = &self.models[target_view];
-        for k in 0..views.0 * views.1 {
-            let from = view_offset(views, k);
-            let (du, dv) = (from[0] - target[0], from[1] - target[1]);
-            let (own, model) = (k == target_view, &self.models[k]);
-            let shifted = model.is_shifted() || here.is_shifted();
-            let light = set.weights[k] * set.weights[k] * model.worth;
+        let here = &self.models[target];
+        for k in (0..views.0 * views.1).filter(|&k| !set.is_dark(k)) {
             let first = rows.len();
-            for (i, p) in set.points.iter().enumerate() {
-                let sample = k * n + i;
-                if own {
-                    rows.extend(grid.row(p[0], p[1], reach, OWN, sample));
-                    continue;
-                }
-                let d = disparities.samples[sample];
-                let (mut x, mut y) = (p[0] - d * du, p[1] - d * dv);
-                if shifted {
-                    let [px, py] = normalised(grid, (x, y));
-                    let (a, b) = (model.shift_at(px, py), here.shift_at(px, py));
-                    (x, y) = (x + a[0] - b[0], y + a[1] - b[1]);
-                }
-                let weight = light * visibility(disparities, target_view, (x, y), d, (du, dv));
-                if weight >= 0.02 {
-                    rows.extend(grid.row(x, y, reach, weight, sample));
-                }
+            if k == target {
+                let own = set.points.iter().enumerate();
+                let sample = |i: usize| k * set.points.len() + i;
+                rows.extend(own.filter_map(|(i, p)| grid.row(p[0], p[1], reach, OWN, sample(i))));
+            } else {
+                let model = &self.models[k];
+                let shifted = model.is_shifted() || here.is_shifted();
+                carry_samples(set, disparities, k, target, |carried| {
+                    let (mut x, mut y) = carried.place;
+                    if shifted {
+                        let [px, py] = normalised(grid, (x, y));
+                        let (a, b) = (model.shift_at(px, py), here.shift_at(px, py));
+                        (x, y) = (x + a[0] - b[0], y + a[1] - b[1]);
+                    }
+                    let weight = carried.weight_at(disparities, target, (x, y)) * model.worth;
+                    if weight >= LEAST_WEIGHT {
+                        rows.extend(grid.row(x, y, reach, weight, carried.sample));
+                    }
+                });
             }
             parts.push(ViewRows { view: k, rows: first..rows.len() });
         }
-        Placed { rows, parts, values: self.values_as_in(set, target_view) }
+        Placed { rows, parts, values: self.values_as_in(set, target) }
     }
 
     /// The samples' values as the view `target` would have them.

@@ -3,7 +3,7 @@
 use lenslet_core::image::bilinear_shares;
 
 use super::sample_set::SampleSet;
-use super::view_disparities::{ViewDisparities, view_offset};
+use super::view_disparities::{ViewDisparities, steps_between};
 
 /// A sample carried to the target view: cell (upper left of four pixels), position within it, weight.
 #[derive(Clone, Copy)]
@@ -83,45 +83,71 @@ pub(super) fn other_samples(
     at: (usize, usize),
     size: (usize, usize),
 ) -> Vec<Ray> {
-    let views = (disparities.rows, disparities.columns);
+    let views = set.views();
     let target_view = at.0 * views.1 + at.1;
-    let target = view_offset(views, target_view);
     let n = set.points.len();
     let mut rays = Vec::with_capacity(n * (views.0 * views.1).saturating_sub(1));
     let (right, bottom) = ((size.0 - 1) as f32, (size.1 - 1) as f32);
     for k in (0..views.0 * views.1).filter(|&k| k != target_view && !set.is_dark(k)) {
-        let from = view_offset(views, k);
-        let (du, dv) = (from[0] - target[0], from[1] - target[1]);
-        // Noise grows as light falls.
-        let light = set.weights[k] * set.weights[k];
-        for (i, (p, d)) in set.points.iter().zip(&disparities.samples[k * n..(k + 1) * n]).enumerate() {
-            let (x, y) = (p[0] - d * du, p[1] - d * dv);
+        carry_samples(set, disparities, k, target_view, |carried| {
+            let (x, y) = carried.place;
             // Also false for NaN.
             if !(x >= 0.0 && y >= 0.0 && x < right && y < bottom) {
-                continue;
+                return;
             }
-            let weight = light * visibility(disparities, target_view, (x, y), *d, (du, dv));
-            if weight >= 0.02 {
-                rays.push(Ray::new(x, y, size.0, weight, k * n + i));
+            let weight = carried.weight_at(disparities, target_view, carried.place);
+            if weight >= LEAST_WEIGHT {
+                rays.push(Ray::new(x, y, size.0, weight, carried.sample));
             }
-        }
+        });
     }
     rays
 }
 
-/// Whether a sample of disparity `d` from a view (`du`, `dv`) steps away is seen at `place` of the view: 1 where the
-/// surface there has that disparity, towards 0 as it would put the sample elsewhere.
+/// Weight below which a sample of another view is left out.
+///
+/// Source: chosen.
+pub(super) const LEAST_WEIGHT: f32 = 0.02;
+
+/// A sample of another view, carried to a target view by its disparity.
+#[derive(Clone, Copy)]
+pub(super) struct Carried {
+    pub(super) sample: usize,
+    /// Where it lies in the target view.
+    pub(super) place: (f32, f32),
+    disparity: f32,
+    /// View steps between the two views along the longer axis.
+    steps: f32,
+    /// Share of the light squared: noise grows as light falls.
+    light: f32,
+}
+
+impl Carried {
+    /// Its weight at `place` of the target view: 1 in full light where the surface there has its disparity, towards 0
+    /// as the surface's would put it elsewhere.
+    #[inline]
+    pub(super) fn weight_at(&self, disparities: &ViewDisparities, target: usize, place: (f32, f32)) -> f32 {
+        let miss = (disparities.near(target, place.0, place.1) - self.disparity) * (self.steps / TOLERANCE);
+        let agree = 1.0 / (1.0 + miss * miss);
+        self.light * (agree * agree)
+    }
+}
+
+/// Calls `each` for every sample of the view `from`, carried to the view `target`.
 #[inline]
-pub(super) fn visibility(
+pub(super) fn carry_samples(
+    set: &SampleSet,
     disparities: &ViewDisparities,
-    view: usize,
-    place: (f32, f32),
-    d: f32,
-    (du, dv): (f32, f32),
-) -> f32 {
-    let miss = (disparities.near(view, place.0, place.1) - d) * (du.abs().max(dv.abs()) / TOLERANCE);
-    let agree = 1.0 / (1.0 + miss * miss);
-    agree * agree
+    from: usize,
+    target: usize,
+    mut each: impl FnMut(Carried),
+) {
+    let [du, dv] = steps_between(set.views(), from, target);
+    let (steps, light) = (du.abs().max(dv.abs()), set.weights[from] * set.weights[from]);
+    let first = from * set.points.len();
+    for ((i, p), &d) in set.points.iter().enumerate().zip(&disparities.samples[first..]) {
+        each(Carried { sample: first + i, place: (p[0] - d * du, p[1] - d * dv), disparity: d, steps, light });
+    }
 }
 
 /// Calls `each` for every sample of every view with its position (x, y) in the view `at`, its weight and its value.

@@ -23,8 +23,24 @@ const ABREAST: usize = 4;
 pub struct RefinedViews<'a> {
     set: SampleSet<'a>,
     disparities: ViewDisparities,
-    fit: Fit,
-    joint: Option<JointFit>,
+    fitted: Fitted,
+}
+
+/// A fit, and what it shares among all views.
+enum Fitted {
+    Smooth,
+    Triangulation,
+    Joint(Box<JointFit>),
+}
+
+impl Fitted {
+    fn new(set: &SampleSet, fit: &Fit) -> Self {
+        match fit {
+            Fit::Smooth => Fitted::Smooth,
+            Fit::Triangulation => Fitted::Triangulation,
+            Fit::Joint(footprint) => Fitted::Joint(Box::new(JointFit::new(set, footprint))),
+        }
+    }
 }
 
 impl<'a> RefinedViews<'a> {
@@ -34,20 +50,17 @@ impl<'a> RefinedViews<'a> {
     /// Options out of range, interruption.
     pub fn estimate(set: SampleSet<'a>, options: &Options, observer: &dyn Observer) -> Result<Self, Error> {
         let mut disparities = estimate_disparities(&set, options, observer)?;
-        let joint = match &options.fit {
-            Fit::Joint(footprint) => {
-                let mut joint = JointFit::new(&set, footprint);
-                joint.refine_disparities(&set, &mut disparities, options.known.is_none(), observer)?;
-                Some(joint)
-            }
-            Fit::Smooth | Fit::Triangulation => None,
-        };
-        Ok(RefinedViews { set, disparities, fit: options.fit, joint })
+        let mut fitted = Fitted::new(&set, &options.fit);
+        if let Fitted::Joint(joint) = &mut fitted {
+            joint.refine_disparities(&set, &mut disparities, options.known.is_none(), observer)?;
+        }
+        Ok(RefinedViews { set, disparities, fitted })
     }
 
-    /// With the disparities of every view known.
+    /// With the disparities of every view known; the joint fit takes them, and the views, as they are.
     pub fn with_disparities(set: SampleSet<'a>, disparities: ViewDisparities, fit: Fit) -> Self {
-        RefinedViews { set, disparities, fit, joint: None }
+        let fitted = Fitted::new(&set, &fit);
+        RefinedViews { set, disparities, fitted }
     }
 
     /// Rows and columns of views.
@@ -77,10 +90,10 @@ impl<'a> RefinedViews<'a> {
         if self.set.is_dark(view) {
             return self.set.single(v, u);
         }
-        let mut image = match (&self.joint, self.fit) {
-            (Some(joint), _) => joint.render_view(&self.set, &self.disparities, (v, u)),
-            (None, Fit::Triangulation) => triangulated::render_view(&self.set, &self.disparities, (v, u)),
-            (None, Fit::Smooth | Fit::Joint(_)) => smooth_fit::render_view(&self.set, &self.disparities, (v, u)),
+        let mut image = match &self.fitted {
+            Fitted::Smooth => smooth_fit::render_view(&self.set, &self.disparities, (v, u)),
+            Fitted::Triangulation => triangulated::render_view(&self.set, &self.disparities, (v, u)),
+            Fitted::Joint(joint) => joint.render_view(&self.set, &self.disparities, (v, u)),
         }?;
         self.set.restore_light(view, &mut image);
         Ok(image)

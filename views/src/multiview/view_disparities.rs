@@ -84,3 +84,9 @@ pub(super) fn view_offset(views: (usize, usize), k: usize) -> [f32; 2] {
     let (v, u) = (k / views.1, k % views.1);
     [u as f32 - (views.1 / 2) as f32, v as f32 - (views.0 / 2) as f32]
 }
+
+/// Steps (u, v) from the view `target` to the view `k`.
+pub(super) fn steps_between(views: (usize, usize), k: usize, target: usize) -> [f32; 2] {
+    let (a, b) = (view_offset(views, k), view_offset(views, target));
+    [a[0] - b[0], a[1] - b[1]]
+}

@@ -3,7 +3,7 @@
 
 use lenslet_core::linalg::gauss_with_back_substitution;
 
-use crate::inverse::{Grid, Problem, Solution};
+use crate::inverse::{Grid, Predicted, Problem, Row, Solution, quantile};
 
 /// Least share by which a model must lessen a view's usual residual to be believed.
 ///
@@ -129,7 +129,8 @@ struct Fitted {
 fn fitted(problem: &Problem<'_>, solution: &Solution, part: &ViewRows) -> Option<Fitted> {
     const N: usize = 2 + 2 * TERMS;
     let rows = &problem.rows[part.rows.clone()];
-    let before = median(rows.iter().map(|r| problem.predicted(r, &solution.smooth).residual()))?;
+    let predicted: Vec<Predicted> = rows.iter().map(|row| problem.predicted(row, &solution.smooth)).collect();
+    let before = quantile(predicted.iter().map(Predicted::residual), 0.5)?;
     let robust = (1.0 / (3.0 * before.max(1e-3))).powi(2);
     let mut system = vec![0f64; N * (N + 1)];
     let design = |here: f32, gx: f32, gy: f32, place: [f32; 2]| -> [f32; N] {
@@ -143,8 +144,7 @@ fn fitted(problem: &Problem<'_>, solution: &Solution, part: &ViewRows) -> Option
         }
         d
     };
-    for row in rows {
-        let p = problem.predicted(row, &solution.smooth);
+    for (row, p) in rows.iter().zip(&predicted) {
         let r = p.residual();
         let weight = f64::from(row.weight * p.slope * p.slope / (1.0 + r * r * robust));
         let place = normalised(&problem.grid, problem.grid.place(row));
@@ -171,8 +171,7 @@ fn fitted(problem: &Problem<'_>, solution: &Solution, part: &ViewRows) -> Option
     if !x.iter().all(|v| v.is_finite()) {
         return None;
     }
-    let after = median(rows.iter().map(|row| {
-        let p = problem.predicted(row, &solution.smooth);
+    let left = |(row, p): (&Row, &Predicted)| {
         let place = normalised(&problem.grid, problem.grid.place(row));
         let mut sum = 0.0;
         for c in 0..problem.channels {
@@ -181,7 +180,8 @@ fn fitted(problem: &Problem<'_>, solution: &Solution, part: &ViewRows) -> Option
             sum += (p.value[c] - p.here[c] - told).powi(2);
         }
         (sum / problem.channels as f32).sqrt() * p.slope
-    }))?;
+    };
+    let after = quantile(rows.iter().zip(&predicted).map(left), 0.5)?;
     let mut shift = [[0f32; TERMS]; 2];
     for k in 0..TERMS {
         (shift[0][k], shift[1][k]) = (x[2 + k], x[2 + TERMS + k]);
@@ -195,10 +195,4 @@ pub(super) fn normalised(grid: &Grid, (x, y): (f32, f32)) -> [f32; 2] {
     let half = |side: usize| (side - 2 * grid.margin) as f32 / 2.0;
     let (w, h) = (half(grid.width), half(grid.height));
     [(x + 0.5 - w) / w, (y + 0.5 - h) / h]
-}
-
-fn median(values: impl Iterator<Item = f32>) -> Option<f32> {
-    let mut all: Vec<f32> = values.filter(|v| v.is_finite()).collect();
-    let middle = all.len() / 2;
-    if all.is_empty() { None } else { Some(*all.select_nth_unstable_by(middle, f32::total_cmp).1) }
 }

@@ -69,8 +69,7 @@ impl Plan {
         };
         parts.require(predictor)?;
         if let (PatchPredictor::Network, Some(inputs)) = (predictor, lacking) {
-            let names: Vec<&str> = inputs.iter().map(|i| i.name()).collect();
-            return Err(dictionary::Error::NoSideInputs { inputs: names.join(" and ") });
+            return Err(dictionary::Error::no_side_inputs(inputs));
         }
         let both = options.mode == Mode::Best && usable && !refined;
         // Patches must not leave gaps.

@@ -15,7 +15,7 @@ use crate::Error;
 use crate::method::Method;
 use crate::multiview;
 use crate::reconstruct::{Plan, embedded_dictionary_for};
-use crate::target::{Sink, mean_pitch};
+use crate::target::{Sink, view_pitch};
 
 /// Samples prepared for one [`Method`] at one size: single views, all views, or a whole light field.
 ///
@@ -141,7 +141,7 @@ impl<'a> Renderer<'a> {
         let size = [self.size.height, self.size.width];
         let mut meta = Meta::new([samples.views; 2], size, samples.values.dim().2, colour);
         meta.weights = Some(samples.weights.clone());
-        meta.pitch = Some(mean_pitch(samples) * self.size.width as f64 / samples.sensor.0 as f64);
+        meta.pitch = Some(view_pitch(samples, self.size.width));
         meta.method = Some(self.method.into());
         meta.predictor = self.plan().map(|plan| plan.to_string());
         meta

@@ -4,7 +4,7 @@ use lenslet_core::decode::HexSamples;
 use lenslet_core::geometry::Size;
 use lenslet_core::sampling::MAX_PIXELS;
 
-use crate::target::mean_pitch;
+use crate::target::view_pitch;
 
 /// Relative difference between the pitch of the views and that of a dictionary up to which the dictionary is used as it
 /// is.
@@ -16,7 +16,7 @@ const PITCH_TOLERANCE: f64 = 0.1;
 /// model (`trained`, pixels): `target`, or the size at which the samples lie `trained` pixels apart.
 #[must_use]
 pub fn working_size(samples: &HexSamples, target: &Size, trained: f64) -> Size {
-    let actual = mean_pitch(samples) * target.width as f64 / samples.sensor.0.max(1) as f64;
+    let actual = view_pitch(samples, target.width);
     let ratio = trained / actual;
     if !ratio.is_finite() || (ratio - 1.0).abs() <= PITCH_TOLERANCE {
         return *target;
@@ -44,7 +44,7 @@ mod tests {
             weights: vec![1.0],
             values: Array3::zeros((1, lenslets, 1)),
         };
-        let sensor_pitch = mean_pitch(&samples);
+        let sensor_pitch = crate::target::mean_pitch(&samples);
         let at = |width| Size { width, height: width };
         let fit = (3.293 * 300.0 / sensor_pitch).round() as usize;
         assert_eq!(working_size(&samples, &at(fit), 3.293), at(fit));

@@ -121,7 +121,7 @@ fn checksum<'a>(
         hash.update("\0");
         hash.update(bytes);
     }
-    hash.finalize().iter().map(|b| format!("{b:02x}")).collect()
+    format!("{:x}", hash.finalize())
 }
 
 /// A dictionary as the bytes of a `.safetensors` file. The same dictionary always gives the same bytes.

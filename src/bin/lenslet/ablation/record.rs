@@ -107,6 +107,11 @@ impl Record {
 /// A file that cannot be read, or is not such a file.
 pub fn read(path: &Path) -> Result<Vec<Record>> {
     let bytes = read_regular(path, MAX_BYTES).with_context(|| path.display().to_string())?;
+    parse(path, &bytes)
+}
+
+/// The runs of whole lines.
+fn parse(path: &Path, bytes: &[u8]) -> Result<Vec<Record>> {
     let mut records = Vec::new();
     for line in bytes.split_inclusive(|&b| b == b'\n') {
         if !line.ends_with(b"\n") {
@@ -152,7 +157,7 @@ impl Log {
                 bail!("{} is a link; it is not followed", path.display());
             }
             let bytes = read_regular(&path, MAX_BYTES).with_context(|| path.display().to_string())?;
-            let records = read(&path)?;
+            let records = parse(&path, &bytes)?;
             // A file without a run is lenslet's own only where its folder says so.
             let begun = bytes.is_empty() || bytes.starts_with(b"{\"key\":");
             if records.is_empty() && !(begun && output::is_listed(out, FILE)) {

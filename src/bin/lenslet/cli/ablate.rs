@@ -7,7 +7,7 @@ use crate::ablation::{self, Experiment, Record, Settings, UsedDictionaries, comp
 use lenslet_core::output::{self, Kind};
 use serde_json::json;
 
-use super::written::{check_folder_name, check_output};
+use super::written::check_folder_name;
 use super::{Context, Outcome, Usage, dict};
 
 /// Run the paper's experiments: tables, pictures and a report
@@ -99,7 +99,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
             args.whites.iter().chain(&args.captures).chain(&args.photos).map(PathBuf::as_path).collect();
         inputs.extend(args.truth.as_deref().into_iter().chain(args.against.as_deref()));
         inputs.extend(args.peer.iter().map(|p| p.1.as_path()));
-        check_output(path, Kind::File, args.force, &inputs)?;
+        output::check_target(path, Kind::File, args.force, &inputs)?;
     }
     let old = args.against.as_deref().map(read_records_of).transpose()?;
     // Held to the end, so that two runs never write into one folder.

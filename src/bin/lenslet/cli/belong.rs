@@ -7,7 +7,7 @@ use lenslet_core::decode::HexSamples;
 use lenslet_core::geometry::SensorToView;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{ColourSpace, Meta, ViewOrigin, ViewSource, colour};
-use lenslet_views::mean_pitch;
+use lenslet_views::view_pitch;
 
 /// Relative difference of pitches, and of aspect ratios, that rounding makes.
 /// Source: chosen.
@@ -51,7 +51,7 @@ pub fn check_samples(source: &dyn ViewSource, samples: &HexSamples, path: &Path,
             "the samples are of a sensor of {sensor_width}x{sensor_height}, the views have {width}x{height}"
         ));
     }
-    let actual = mean_pitch(samples) * width as f64 / sensor_width as f64;
+    let actual = view_pitch(samples, width);
     if let Some(pitch) = meta.pitch
         && (pitch / actual - 1.0).abs() > ROUNDING + 2.0 / width as f64
     {

@@ -11,7 +11,7 @@ use lenslet_core::output::{self, Kind};
 use lenslet_core::progress::{Observer, Silent};
 use serde_json::{Value, json};
 
-use super::written::{check_file_name, check_output};
+use super::written::check_file_name;
 use super::{Context, Outcome};
 use crate::report::calibration_figures;
 
@@ -73,10 +73,10 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let inputs: Vec<&Path> = given.iter().chain(&args.black).map(PathBuf::as_path).collect();
     check_file_name(&args.out, &["calib"])?;
     for path in pictures.iter().chain([&args.out]) {
-        check_output(path, Kind::File, args.force, &inputs)?;
+        output::check_target(path, Kind::File, args.force, &inputs)?;
     }
     if let Some(folder) = &args.dump {
-        check_output(folder, Kind::Directory, args.force, &inputs)?;
+        output::check_target(folder, Kind::Directory, args.force, &inputs)?;
     }
     if let Some(folder) = given.iter().find(|p| p.is_dir()) {
         anyhow::bail!(
@@ -136,7 +136,7 @@ fn write_picture(path: &Path, force: bool, picture: Picture) -> anyhow::Result<(
 
 /// One calibration for each body, zoom and focus among the white images of a folder, bundle or archive.
 fn bundle(args: &Args, place: &Path, context: &Context) -> anyhow::Result<Outcome> {
-    check_output(&args.out, Kind::Directory, args.force, &[place])?;
+    output::check_target(&args.out, Kind::Directory, args.force, &[place])?;
     let found = whites::list_calibration_images(place)?;
     for warning in &found.warnings {
         context.progress.note(warning);

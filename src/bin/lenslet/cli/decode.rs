@@ -17,7 +17,7 @@ use lenslet_core::decode::{
 use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{self, Format, Meta, View};
-use lenslet_core::output::Kind;
+use lenslet_core::output::{self, Kind};
 use lenslet_core::progress::Observer;
 use lenslet_views::multiview::Fit;
 use lenslet_views::reconstruct::{self, Available, Plan};
@@ -27,7 +27,7 @@ use serde_json::{Value, json};
 use super::learned::LearnedArgs;
 use super::source::file_name;
 use super::values::FitName;
-use super::written::{Written, check_output, kind_of};
+use super::written::{Written, kind_of};
 use super::{Context, Outcome, Usage, dict};
 use choose::CalibrationStore;
 use inputs::Job;
@@ -369,14 +369,14 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
 
 /// Whether one of several results may be written, before the work for it.
 fn check_job(args: &Args, job: &Job, inputs: &[&Path]) -> anyhow::Result<()> {
-    check_output(&job.out, kind_of(job.format), args.written.force, inputs)?;
+    output::check_target(&job.out, kind_of(job.format), args.written.force, inputs)?;
     check_samples(args, job, inputs)
 }
 
 /// Whether the samples beside a light field that is one file may be written.
 fn check_samples(args: &Args, job: &Job, inputs: &[&Path]) -> anyhow::Result<()> {
     if !args.no_samples && job.format != Format::Directory {
-        check_output(&samples_beside(&job.out), Kind::File, replaces_samples(args, job), inputs)?;
+        output::check_target(&samples_beside(&job.out), Kind::File, replaces_samples(args, job), inputs)?;
     }
     Ok(())
 }

@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use lenslet::apps::depth;
 use lenslet::image_io::{self, Picture};
 use lenslet_core::input::read_regular;
-use lenslet_core::output::{Kind, Pending, write_part};
+use lenslet_core::output::{self, Kind, Pending, write_part};
 use lenslet_core::pfm;
 use lenslet_core::progress::Observer;
 use lenslet_views::disparity::{self, DepthOrder};
@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 
 use super::source::ReadArgs;
 use super::values::RangeArgs;
-use super::written::{check_folder_name, check_output};
+use super::written::check_folder_name;
 use super::{Context, Outcome, Usage};
 
 /// Longest file of true disparities that is read, bytes.
@@ -70,7 +70,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     }
     let mut inputs = vec![args.light_field.as_path()];
     inputs.extend(args.truth.as_deref());
-    check_output(&args.out, Kind::Directory, args.force, &inputs)?;
+    output::check_target(&args.out, Kind::Directory, args.force, &inputs)?;
     let (field, weights) = args.read.load_light(&args.light_field, true, context)?;
     let options = disparity::Options {
         range: args.range.range,

@@ -3,11 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use lenslet_core::dictionary::{self, Dictionary};
-use lenslet_core::output::Kind;
+use lenslet_core::output::{self, Kind};
 use lenslet_views::reconstruct;
 use serde_json::{Value, json};
 
-use super::written::check_output;
 use super::{Context, Outcome, Usage};
 
 /// Look into dictionaries and export them
@@ -139,11 +138,11 @@ pub fn run(args: &Args, _context: &Context) -> anyhow::Result<Outcome> {
             let ending = out.extension().map(|e| e.to_string_lossy().to_lowercase());
             match ending.as_deref() {
                 Some("lfd" | "safetensors") => {
-                    check_output(out, Kind::File, *force, &[dictionary])?;
+                    output::check_target(out, Kind::File, *force, &[dictionary])?;
                     dictionary::save(out, &found, *force)?;
                 }
                 None => {
-                    check_output(out, Kind::Directory, *force, &[dictionary])?;
+                    output::check_target(out, Kind::Directory, *force, &[dictionary])?;
                     dictionary::export_npy(out, &found, *force)?;
                 }
                 Some("npy") if out.extension().is_some() => {

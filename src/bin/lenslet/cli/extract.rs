@@ -3,12 +3,12 @@
 use std::path::PathBuf;
 
 use lenslet_core::container::extract;
-use lenslet_core::output::Kind;
+use lenslet_core::output::{self, Kind};
 use lenslet_core::progress::Observer;
 use serde_json::json;
 
 use super::info::clean;
-use super::written::{check_folder_name, check_output};
+use super::written::check_folder_name;
 use super::{Context, Outcome};
 
 /// Take out everything a container, calibration bundle (data.C.n) or .tar archive holds
@@ -31,7 +31,7 @@ pub struct Args {
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     check_folder_name(&args.out)?;
-    check_output(&args.out, Kind::Directory, args.force, &[&args.file])?;
+    output::check_target(&args.out, Kind::Directory, args.force, &[&args.file])?;
     let (files, warnings) = extract::extract(&args.file, &args.out, args.force, &context.progress)?;
     for warning in &warnings {
         context.progress.note(&clean(warning));

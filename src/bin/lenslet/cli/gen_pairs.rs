@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 
 use lenslet_core::dictionary::Footprint;
 use lenslet_core::lightfield::ColourSpace;
-use lenslet_core::output::Kind;
+use lenslet_core::output::{self, Kind};
 use lenslet_core::progress::Observer;
 use lenslet_data_gen::pairs::{self, Crop, CropOptions, Degradation, Manifest, PatchOptions};
 use lenslet_data_gen::photo::PhotoSet;
 use serde_json::json;
 
 use super::values::FootprintName;
-use super::written::{check_folder_name, check_output};
+use super::written::check_folder_name;
 use super::{Context, Outcome, Usage};
 
 /// Cut training pairs out of photos
@@ -73,7 +73,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     }
     let inputs: Vec<&Path> = args.photos.iter().map(PathBuf::as_path).collect();
     check_folder_name(&args.out)?;
-    check_output(&args.out, Kind::Directory, args.force, &inputs)?;
+    output::check_target(&args.out, Kind::Directory, args.force, &inputs)?;
     let footprint = Footprint::from(args.footprint);
     let degradation = Degradation { footprint, noise: args.noise, ..Degradation::default() };
     let options =

@@ -8,9 +8,9 @@ use lenslet_core::geometry::Size;
 use lenslet_core::lightfield::{self, ColourSpace, LightField, colour};
 use lenslet_core::progress::Observer as _;
 use lenslet_views::inverse::SampleFootprint;
-use lenslet_views::mean_pitch;
 use lenslet_views::multiview::{Fit, Options, RefinedViews, SampleSet};
 use lenslet_views::reconstruct::Enlargement;
+use lenslet_views::view_pitch;
 use ndarray::Array3;
 use serde_json::json;
 
@@ -39,7 +39,7 @@ pub struct Args {
     scale: Option<f64>,
     /// How the samples become pixels (default: joint where views of a light field are enlarged, else least-squares)
     #[arg(long, value_enum)]
-    fit: Option<FitName>,
+    fit: Option<RefinementFit>,
     /// What a sample averages, for the joint fit (default: box, the pixels of the result that it covers; of measured
     /// samples disc, one lenslet)
     #[arg(long, value_enum)]
@@ -72,11 +72,11 @@ impl Args {
             })
         };
         Ok(match (self.fit, self.footprint) {
-            (None | Some(FitName::Joint), Some(footprint)) => joint(footprint),
-            (Some(FitName::Joint), None) => joint(usual),
+            (None | Some(RefinementFit::Joint), Some(footprint)) => joint(footprint),
+            (Some(RefinementFit::Joint), None) => joint(usual),
             (Some(_), Some(_)) => return Err(Usage("--footprint belongs to --fit joint".into()).into()),
-            (Some(FitName::LeastSquares), None) => Fit::Smooth,
-            (Some(FitName::Triangulation), None) => Fit::Triangulation,
+            (Some(RefinementFit::LeastSquares), None) => Fit::Smooth,
+            (Some(RefinementFit::Triangulation), None) => Fit::Triangulation,
             (None, None) => match given {
                 Given::Samples(_) => Fit::default(),
                 Given::Field(_) => Fit::for_enlargement(scale),
@@ -87,7 +87,7 @@ impl Args {
 
 /// How the samples become pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum FitName {
+enum RefinementFit {
     /// Pixels that fit all samples best, each a point
     LeastSquares,
     /// As printed in the paper: all samples triangulated, the pixels between them interpolated barycentrically
@@ -128,7 +128,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     };
     let scale = args.scale.unwrap_or(usual);
     let pitch = match &given {
-        Given::Samples(samples) => mean_pitch(samples) * scale * meta.size[1] as f64 / samples.sensor.0 as f64,
+        Given::Samples(samples) => scale * view_pitch(samples, meta.size[1]),
         Given::Field(_) => scale,
     };
     let fit = args.chosen_fit(&given, scale, pitch)?;

@@ -13,7 +13,7 @@ use serde_json::json;
 
 use super::source::ReadArgs;
 use super::values::RangeArgs;
-use super::written::{check_animation_name, check_output};
+use super::written::check_animation_name;
 use super::{Context, Outcome, Usage};
 
 /// Refocus a light field: one picture, a focal stack, or everything in focus
@@ -105,7 +105,7 @@ pub fn ending(path: &Path) -> String {
 /// Whether [`write_pictures`] may write there, before the work for it.
 pub fn check_pictures(out: &Path, force: bool, input: &Path) -> Result<(), output::Error> {
     let kind = if matches!(ending(out).as_str(), "gif" | "apng" | "png") { Kind::File } else { Kind::Directory };
-    check_output(out, kind, force, &[input])
+    output::check_target(out, kind, force, &[input])
 }
 
 /// Writes pictures as one PNG, an animation (GIF, APNG), or a directory of numbered PNGs, by the ending of the name.

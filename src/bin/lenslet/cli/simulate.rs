@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use lenslet_core::container::CameraProfile;
-use lenslet_core::output::Kind;
+use lenslet_core::output::{self, Kind};
 use lenslet_data_gen::simulate::{
     self, Camera, Imperfections, LensletGrid, Optics, Scene, SceneName, SimulationOptions, TruthOptions,
 };
 use serde_json::json;
 
-use super::written::{check_folder_name, check_output};
+use super::written::check_folder_name;
 use super::{Context, Outcome, Usage};
 
 /// Simulate a capture of a lenslet camera, with white images and the truth
@@ -162,7 +162,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     camera.check().and_then(|()| options.check()).and_then(|()| truth.check()).map_err(usage_or_failure)?;
     let inputs: Vec<&Path> = args.photo.iter().map(PathBuf::as_path).collect();
     check_folder_name(&args.out)?;
-    check_output(&args.out, Kind::Directory, args.force, &inputs)?;
+    output::check_target(&args.out, Kind::Directory, args.force, &inputs)?;
     let observer = &context.progress;
     let scene = if args.photo.is_empty() {
         Scene::named(args.scene, &camera, args.disparity, args.seed, observer)

@@ -13,7 +13,7 @@ use lenslet_train::{Algorithm, Coupling, KsvdUpdate, Parameters, train_dictionar
 use serde_json::json;
 
 use super::values::{AlgorithmName, FootprintName, KsvdUpdateName, TrainingBase};
-use super::written::{check_file_name, check_output};
+use super::written::check_file_name;
 use super::{Context, Outcome, Usage, train_report};
 
 /// Longest file of parameters that is read, bytes.
@@ -227,7 +227,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         );
     }
     for path in [&args.out, &checkpoint, &log, &plot, &mosaic] {
-        check_output(path, Kind::File, replace, &inputs)?;
+        output::check_target(path, Kind::File, replace, &inputs)?;
     }
     let mut lines = EpochLog { path: &log, replace, text: String::new() };
     let mut lost = None;

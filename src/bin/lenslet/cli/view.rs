@@ -13,7 +13,7 @@ use serde_json::json;
 
 use super::source::ReadArgs;
 use super::values::RangeArgs;
-use super::written::{check_output, check_page_name};
+use super::written::check_page_name;
 use super::{Context, Outcome, Usage};
 
 /// One HTML file to refocus and move around in, offline, in any browser
@@ -88,7 +88,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     }
     check_page_name(&args.out)?;
     let inputs: Vec<&Path> = args.light_fields.iter().map(PathBuf::as_path).collect();
-    check_output(&args.out, Kind::File, args.force, &inputs)?;
+    output::check_target(&args.out, Kind::File, args.force, &inputs)?;
     let mut side = args.side as usize;
     let mut sets = Vec::new();
     let mut views = (0, 0);

@@ -60,9 +60,9 @@ impl Written {
         self.chosen().unwrap_or(Format::Directory)
     }
 
-    /// [`check_output`] of one light field.
+    /// [`output::check_target`] of one light field.
     pub fn check(&self, inputs: &[&Path]) -> anyhow::Result<()> {
-        Ok(check_output(&self.out, kind_of(self.format()?), self.force, inputs)?)
+        Ok(output::check_target(&self.out, kind_of(self.format()?), self.force, inputs)?)
     }
 
     fn chosen(&self) -> Option<Format> {
@@ -175,13 +175,6 @@ pub fn check_page_name(out: &Path) -> Result<(), Usage> {
         return Ok(());
     }
     Err(Usage(format!("{}: a page is written here; its name ends in .html, not .{ending}", out.display())))
-}
-
-/// Refuses a place to write to before the work rather than after it: what stands there is replaced only where `force` is
-/// set and lenslet wrote it, and never where it is or holds one of `inputs`.
-pub fn check_output(path: &Path, kind: Kind, force: bool, inputs: &[&Path]) -> Result<(), output::Error> {
-    let inputs: Vec<PathBuf> = inputs.iter().map(|p| p.to_path_buf()).collect();
-    output::check_target(path, kind, force, &inputs)
 }
 
 /// Whether a light field of this format is a file or a folder.
