@@ -7,6 +7,7 @@ mod estimate;
 mod holdout;
 mod joint_disparity;
 mod joint_fit;
+mod local_light;
 mod options;
 mod rays;
 mod refine_disparity;

@@ -1,0 +1,176 @@
+//! Light that differs from view to view: shine that moves, shade of the optics, a white image that does not fit. What the
+//! picture leaves of a view's samples is averaged over cells of the target view; where that differs from what it leaves of
+//! the target's own samples, the difference is taken out of the view's values, so that all speak of the target's light.
+
+use lenslet_core::image::{Cell, bilinear_by_differences};
+
+use super::view_models::ViewRows;
+use crate::inverse::{Problem, Solution};
+
+/// Side of a cell, in spacings of a view's samples.
+///
+/// Source: chosen; sixteen samples of a view.
+const CELL: f32 = 4.0;
+
+/// Least side of a cell, pixels of the target.
+///
+/// Source: chosen.
+const LEAST_SIDE: f32 = 4.0;
+
+/// Samples around a cell at which half of what they say is believed.
+///
+/// Source: chosen; a view has some hundred there.
+const HALF_BELIEVED: f32 = 32.0;
+
+/// Usual residuals at which a sample's weight falls to a quarter.
+///
+/// Source: chosen.
+const UNUSUAL: f32 = 4.0;
+
+/// Takes the light in which the other views differ from the view `target` out of `values`; `pitch`: spacing of a view's
+/// samples, pixels of the target.
+pub(super) fn equalise(
+    values: &mut [[f32; 4]],
+    problem: &Problem<'_>,
+    solution: &Solution,
+    parts: &[ViewRows],
+    target: usize,
+    pitch: f32,
+) {
+    let Some(own) = parts.iter().find(|p| p.view == target) else { return };
+    let side = (CELL * pitch).max(LEAST_SIDE);
+    let own = Light::of_view(problem, solution, own, side);
+    for part in parts.iter().filter(|p| p.view != target) {
+        let light = Light::of_view(problem, solution, part, side);
+        for row in &problem.rows[part.rows.clone()] {
+            let cell = light.cell(row.cell as usize, problem.grid.width);
+            let (there, here) = (light.at(&cell), own.at(&cell));
+            for (c, value) in values[row.sample as usize].iter_mut().take(problem.channels).enumerate() {
+                *value -= there[c] - here[c];
+            }
+        }
+    }
+}
+
+/// Mean residual of one view's samples around each cell.
+struct Light {
+    width: usize,
+    height: usize,
+    side: f32,
+    means: Vec<[f32; 4]>,
+}
+
+impl Light {
+    fn of_view(problem: &Problem<'_>, solution: &Solution, part: &ViewRows, side: f32) -> Light {
+        let grid = &problem.grid;
+        let cells = |pixels: usize| ((pixels as f32 / side).ceil() as usize).max(1);
+        let (width, height) = (cells(grid.width), cells(grid.height));
+        let usual = solution.residual.max(1e-3) * UNUSUAL;
+        let mut sums = vec![[0f32; 4]; width * height];
+        for row in &problem.rows[part.rows.clone()] {
+            let p = problem.predicted(row, &solution.smooth);
+            let unusual = p.residual() / usual;
+            let weight = row.weight / (1.0 + unusual * unusual).powi(2);
+            let cell = |pixel: usize| (pixel as f32 / side) as usize;
+            let k = row.cell as usize;
+            let sum = &mut sums[cell(k / grid.width) * width + cell(k % grid.width)];
+            for c in 0..problem.channels {
+                sum[c] += weight * (p.value[c] - p.here[c]);
+            }
+            sum[3] += weight;
+        }
+        Light { width, height, side, means: means_around(&sums, width, height) }
+    }
+
+    /// Where the pixel `k` of a grid `width` pixels wide lies among the cells.
+    #[inline]
+    fn cell(&self, k: usize, width: usize) -> Cell<f32> {
+        let place = |pixel: usize| (pixel as f32 + 0.5) / self.side - 0.5;
+        Cell::clamped(place(k % width), place(k / width), self.width, self.height)
+    }
+
+    #[inline]
+    fn at(&self, cell: &Cell<f32>) -> [f32; 3] {
+        let corners = cell.corners(|x, y| self.means[y * self.width + x]);
+        std::array::from_fn(|c| bilinear_by_differences(corners.map(|m| m[c]), cell.fx, cell.fy))
+    }
+}
+
+/// Binomial mean over the 3×3 cells around each: sums of weighted values and, last, of weights become means.
+fn means_around(sums: &[[f32; 4]], width: usize, height: usize) -> Vec<[f32; 4]> {
+    let around = |k: usize, end: usize| k.saturating_sub(1)..(k + 2).min(end);
+    let mut out = Vec::with_capacity(sums.len());
+    for t in 0..height {
+        for s in 0..width {
+            let mut sum = [0f32; 4];
+            for v in around(t, height) {
+                for u in around(s, width) {
+                    let share = ((2 - v.abs_diff(t)) * (2 - u.abs_diff(s))) as f32 / 4.0;
+                    for (sum, one) in sum.iter_mut().zip(sums[v * width + u]) {
+                        *sum += share * one;
+                    }
+                }
+            }
+            let weight = sum[3] + HALF_BELIEVED / 4.0;
+            out.push([sum[0] / weight, sum[1] / weight, sum[2] / weight, sum[3]]);
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::inverse::{Basis, Grid, Kernel, Row, SampleFootprint, SolveOptions, solve};
+
+    #[test]
+    fn light_that_only_one_view_has_is_taken_out_of_it() {
+        let side = 48usize;
+        let basis = Basis::Quadratic;
+        let footprint = SampleFootprint::Box { width: 2.0, height: 2.0 };
+        let kernel = Kernel::of_footprint(&footprint, basis);
+        let grid = Grid::around(side, side, kernel.radius() + 3, basis);
+        let (n, views) = (side / 2, 5usize);
+        let scene = |x: f32, y: f32| 0.5 + 0.2 * (0.4 * x).sin() * (0.3 * y).cos();
+        // Shine on one side of the last view.
+        let shine = |view: usize, x: f32| if view == views - 1 { 0.04 * (x / side as f32) } else { 0.0 };
+        let (mut rows, mut parts, mut values): (Vec<Row>, Vec<ViewRows>, Vec<[f32; 4]>) = Default::default();
+        for view in 0..views {
+            let first = rows.len();
+            for k in 0..n * n {
+                let place = |k: usize| 2.0 * k as f32 + 0.5 + 0.37 * view as f32;
+                let (x, y) = (place(k % n), place(k / n));
+                rows.extend(grid.row(x, y, kernel.radius() as f32, 1.0, values.len()));
+                values.push([scene(x, y) + shine(view, x), 0.0, 0.0, 0.0]);
+            }
+            parts.push(ViewRows { view, rows: first..rows.len() });
+        }
+        let contrast = vec![0.05; grid.pixels()];
+        let problem = Problem {
+            grid,
+            kernel: &kernel,
+            rows: &rows,
+            values: &values,
+            channels: 1,
+            slopes: &[],
+            contrast: &contrast,
+            own: 0..(n * n) as u32,
+        };
+        let solution = solve(&problem, vec![vec![0.5; grid.pixels()]], &SolveOptions::default());
+        let mut equal = values.clone();
+        equalise(&mut equal, &problem, &solution, &parts, 0, 2.0);
+        let last = (views - 1) * n * n;
+        let rms = |values: &[[f32; 4]]| {
+            let mut sum = 0.0;
+            for (k, value) in values[last..].iter().enumerate() {
+                let place = |k: usize| 2.0 * k as f32 + 0.5 + 0.37 * (views - 1) as f32;
+                sum += (value[0] - scene(place(k % n), place(k / n))).powi(2);
+            }
+            (sum / (n * n) as f32).sqrt()
+        };
+        assert!(rms(&equal) < 0.4 * rms(&values), "{} {}", rms(&equal), rms(&values));
+        assert_eq!(equal[..n * n], values[..n * n], "the target's own samples stay");
+        let moved = |k: usize| (equal[k][0] - values[k][0]).abs();
+        assert!((n * n..last).map(moved).fold(0.0, f32::max) < 0.02, "the other views hardly change");
+    }
+}
