@@ -18,9 +18,8 @@ use lenslet_core::lightfield::{self, ColourSpace, LightField, Meta, ReadOptions}
 use lenslet_core::progress::Silent;
 use lenslet_core::random::standard_normal;
 use lenslet_core::sampling::{DEFAULT_ROTATION, Footprint, bicubic, lattice_samples};
-use lenslet_views::inverse::SampleFootprint;
-use lenslet_views::multiview::{Fit, Options, RefinedViews, SampleSet};
 use lenslet_views::InterpolatedViews;
+use lenslet_views::multiview::{Fit, Options, RefinedViews, SampleSet};
 use ndarray::{Array3, Array5, s};
 use rand::{SeedableRng as _, rngs::ChaCha8Rng};
 use serde_json::{Map, Value, json};
@@ -215,11 +214,7 @@ fn main() -> anyhow::Result<()> {
     let began = Instant::now();
     let (name, views) = fewer.interpolated(&size, &wanted)?;
     report(name, views, began.elapsed().as_secs_f64());
-    let joint = match arguments.pitch {
-        Some(diameter) => Fit::Joint(SampleFootprint::Disc { diameter }),
-        None => Fit::for_enlargement(arguments.scale as f64),
-    };
-    for (name, fit) in [("least-squares", Fit::Smooth), ("joint", joint)] {
+    for (name, fit) in [("least-squares", Fit::Smooth), ("joint", Fit::Joint(None))] {
         let began = Instant::now();
         let refined = RefinedViews::estimate(fewer.set(&size)?, &Options { fit, ..Options::default() }, &Silent)?;
         let mut views = Vec::new();

@@ -257,7 +257,7 @@ fn pixels_are_means_over_what_they_replace() {
         let field = averaged(scale, side, d, |_, _| (1.0, 0.0, 0.0));
         let points = refined_score(&field, side, Fit::Smooth);
         let means = refined_score(&field, side, Fit::for_enlargement(scale as f64));
-        let disc = refined_score(&field, side, Fit::Joint(SampleFootprint::Point));
+        let disc = refined_score(&field, side, Fit::Joint(Some(SampleFootprint::Point)));
         println!("scale {scale}: least squares {points:.2}, joint {means:.2}, joint with points {disc:.2}");
         assert!(means > points + 3.0 && means > disc + 3.0, "scale {scale}: {means:.2}, {points:.2}, {disc:.2}");
     }

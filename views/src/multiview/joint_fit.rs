@@ -40,7 +40,7 @@ const WHILE_REFINING: [(usize, usize); 2] = [(1, 12), (0, 8)];
 /// Times the light in which views differ is found before the last solution of a view.
 ///
 /// Source: chosen; further ones change scores by less than 0.05 dB.
-const LIGHT_ROUNDS: usize = 3;
+const LIGHT_ROUNDS: usize = 2;
 
 /// What all views share: the footprint's kernel, the slope of the encoding at each sample, the views' models.
 pub(super) struct JointFit {
@@ -188,7 +188,7 @@ impl JointFit {
             planes = solution.planes;
             placed.values = Cow::Owned(values);
         }
-        let options = SolveOptions { reweightings: 0, steps: 10, ..self.options.clone() };
+        let options = SolveOptions { reweightings: 0, steps: 12, ..self.options.clone() };
         planes = solve(&self.problem(set, &placed, &contrast, at, &grid), planes, &options).planes;
         let m = grid.margin;
         Ok(Array3::from_shape_fn((h, w, c), |(t, s, l)| planes[l][(t + m) * grid.width + s + m]))

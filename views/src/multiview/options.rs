@@ -12,9 +12,10 @@ pub enum Fit {
     /// As in the paper: triangulate all samples, interpolate barycentrically. Takes seconds a view; kept for
     /// comparison.
     Triangulation,
-    /// Every sample the mean over its footprint (pixels of the target view), the picture found by [`crate::inverse`]; views
-    /// may differ from it by gain, offset and a smooth shift.
-    Joint(SampleFootprint),
+    /// Every sample the mean over its footprint, the picture found by [`crate::inverse`]; views may differ from it by gain,
+    /// offset and a smooth shift, and by their light from place to place. `None`: the footprint that samples of their kind
+    /// usually have, a disc of one pitch for a lenslet's, the pixels of the target that it covers for a pixel.
+    Joint(Option<SampleFootprint>),
 }
 
 impl Fit {
@@ -22,11 +23,7 @@ impl Fit {
     /// the result; least squares where there is nothing to enlarge.
     #[must_use]
     pub fn for_enlargement(scale: f64) -> Self {
-        if scale >= LEAST_ENLARGEMENT {
-            Fit::Joint(SampleFootprint::Box { width: scale, height: scale })
-        } else {
-            Fit::Smooth
-        }
+        if scale >= LEAST_ENLARGEMENT { Fit::Joint(None) } else { Fit::Smooth }
     }
 
     /// Name on the command line and in records.

@@ -38,7 +38,9 @@ impl Fitted {
         match fit {
             Fit::Smooth => Fitted::Smooth,
             Fit::Triangulation => Fitted::Triangulation,
-            Fit::Joint(footprint) => Fitted::Joint(Box::new(JointFit::new(set, footprint))),
+            Fit::Joint(footprint) => {
+                Fitted::Joint(Box::new(JointFit::new(set, &footprint.unwrap_or_else(|| set.usual_footprint()))))
+            }
         }
     }
 }

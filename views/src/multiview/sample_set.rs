@@ -12,6 +12,7 @@ use ndarray::{Array3, ArrayView1, ArrayView3, Axis, CowArray, Ix3};
 use crate::Error;
 use crate::disparity::ViewLight;
 use crate::error::ensure_shape;
+use crate::inverse::SampleFootprint;
 use crate::target::mean_pitch;
 
 /// Samples of every view at common places, and the target they are to fill.
@@ -197,6 +198,17 @@ impl<'a> SampleSet<'a> {
     /// Channels, 1 or 3.
     pub fn channels(&self) -> usize {
         self.values.len_of(Axis(2))
+    }
+
+    /// What a sample averages: a lenslet a disc of one pitch, a pixel those of the target that it covers.
+    pub(super) fn usual_footprint(&self) -> SampleFootprint {
+        match self.single_view {
+            SingleView::Mesh(_) => SampleFootprint::Disc { diameter: f64::from(self.pitch) },
+            SingleView::Grid { width, height } => SampleFootprint::Box {
+                width: self.target.width as f64 / width as f64,
+                height: self.target.height as f64 / height as f64,
+            },
+        }
     }
 
     /// Samples of a view.

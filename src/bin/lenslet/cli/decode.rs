@@ -249,6 +249,12 @@ impl Args {
         if self.fit.is_some() && self.interpolation() != Interpolation::Multiview {
             return Err(Usage("--fit goes with --method multiview, or learned on --base multiview".into()).into());
         }
+        if self.fit == Some(FitName::Joint) && self.method == MethodName::Learned {
+            return Err(Usage(
+                "--fit joint goes with --method multiview: dictionaries are made for views by the others".into(),
+            )
+            .into());
+        }
         if let (MethodName::Interpolation(method), Some(option)) = (self.method, self.learned.first_given()) {
             return Err(Usage(format!("{option} goes with --method learned, not {method}")).into());
         }

@@ -16,7 +16,7 @@ use serde_json::json;
 
 use super::belong;
 use super::source::{SourceArgs, measured_samples, note_dark};
-use super::values::RangeArgs;
+use super::values::{FitName, RangeArgs};
 use super::written::Written;
 use super::{Context, Outcome, Usage};
 
@@ -39,7 +39,7 @@ pub struct Args {
     scale: Option<f64>,
     /// How the samples become pixels (default: joint where views of a light field are enlarged, else least-squares)
     #[arg(long, value_enum)]
-    fit: Option<RefinementFit>,
+    fit: Option<FitName>,
     /// What a sample averages, for the joint fit (default: box, the pixels of the result that it covers; of measured
     /// samples disc, one lenslet)
     #[arg(long, value_enum)]
@@ -60,40 +60,21 @@ enum Given {
 impl Args {
     /// The fit asked for, or the usual one; `pitch`: pixels of the result between samples.
     fn chosen_fit(&self, given: &Given, scale: f64, pitch: f64) -> anyhow::Result<Fit> {
-        let usual = match given {
-            Given::Samples(_) => FootprintName::Disc,
-            Given::Field(_) => FootprintName::Box,
-        };
-        let joint = |name: FootprintName| {
-            Fit::Joint(match name {
-                FootprintName::Point => SampleFootprint::Point,
-                FootprintName::Box => SampleFootprint::Box { width: pitch, height: pitch },
-                FootprintName::Disc => SampleFootprint::Disc { diameter: pitch },
-            })
-        };
-        Ok(match (self.fit, self.footprint) {
-            (None | Some(RefinementFit::Joint), Some(footprint)) => joint(footprint),
-            (Some(RefinementFit::Joint), None) => joint(usual),
-            (Some(_), Some(_)) => return Err(Usage("--footprint belongs to --fit joint".into()).into()),
-            (Some(RefinementFit::LeastSquares), None) => Fit::Smooth,
-            (Some(RefinementFit::Triangulation), None) => Fit::Triangulation,
-            (None, None) => match given {
+        let footprint = self.footprint.map(|name| match name {
+            FootprintName::Point => SampleFootprint::Point,
+            FootprintName::Box => SampleFootprint::Box { width: pitch, height: pitch },
+            FootprintName::Disc => SampleFootprint::Disc { diameter: pitch },
+        });
+        match (self.fit.map(Fit::from), footprint) {
+            (None | Some(Fit::Joint(_)), Some(footprint)) => Ok(Fit::Joint(Some(footprint))),
+            (Some(_), Some(_)) => Err(Usage("--footprint belongs to --fit joint".into()).into()),
+            (Some(fit), None) => Ok(fit),
+            (None, None) => Ok(match given {
                 Given::Samples(_) => Fit::default(),
                 Given::Field(_) => Fit::for_enlargement(scale),
-            },
-        })
+            }),
+        }
     }
-}
-
-/// How the samples become pixels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum RefinementFit {
-    /// Pixels that fit all samples best, each a point
-    LeastSquares,
-    /// As printed in the paper: all samples triangulated, the pixels between them interpolated barycentrically
-    Triangulation,
-    /// The picture of which every sample is the mean over its footprint
-    Joint,
 }
 
 /// What a sample averages.

@@ -98,6 +98,9 @@ named_values! {
         LeastSquares => Fit::Smooth,
         /// As printed in the paper: all samples triangulated, the pixels between them interpolated barycentrically
         Triangulation => Fit::Triangulation,
+        /// The picture of which every sample is the mean over its footprint: of a lenslet a disc as wide as lenslets are
+        /// apart, of a pixel what it covers of the result
+        Joint => Fit::Joint(None),
     }
 }
 
