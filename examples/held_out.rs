@@ -1,15 +1,16 @@
 //! What every method makes of pictures that nothing was trained on:
-//! `cargo run --release --example held_out -- [--photos FILE…] [--fields LIGHT_FIELD…] [--seeds N] [--sensor N] [--table]`
+//! `cargo run --release --example held_out -- [--photos PATH…] [--fields LIGHT_FIELD…] [--seeds N] [--sensor N] [--table]`
 //!
-//! Each photo is the background of a scene, the two after it stand before it at other depths (as `simulate --photo` does it);
-//! the simulated camera (another for every seed, noise as in `simulate`) takes it, the capture is calibrated and decoded, and
-//! the middle view of 7×7 compared with the truth. Light fields rendered by others have their middle 7×7 views (fewer where
-//! there are fewer) sampled on a hexagonal lattice of pitch 1080/328 pixels at a phase by the seed, without noise, and
-//! recovered at their own size.
+//! A set of photos is a folder; files are one set, called `photos`. Each photo is the background of a scene, the two after it
+//! in its set stand before it at other depths (as `simulate --photo` does it); the simulated camera (another for every seed,
+//! noise as in `simulate`) takes it, the capture is calibrated and decoded, and the middle view of 7×7 compared with the
+//! truth. Light fields rendered by others have their middle views (7×7, or the largest square that has all of them) sampled
+//! on a hexagonal lattice of pitch 1080/328 pixels at a phase by the seed, without noise, and recovered at their own size.
+//! The seeds are 1 to N.
 //!
-//! Prints one JSON object: for the photos together and each light field, of every method, PSNR of luminance and colour (dB,
-//! sRGB-encoded, 12 pixels of border left out): mean and standard deviation over captures, and of luminance the paired margin
-//! over no codes on the same views. `--table`: the same as Markdown.
+//! Prints one JSON object: for each set and light field, of every method, PSNR of luminance and colour (dB, sRGB-encoded, 12
+//! pixels of border left out): mean and standard deviation over captures, and of luminance the paired margin over no codes
+//! on the same views. `--table`: the same as Markdown, a table each of luminance, of these margins and of colour.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -41,10 +42,10 @@ const PHOTOS: usize = 3;
 /// What every method makes of pictures that nothing was trained on
 #[derive(clap::Parser)]
 struct Arguments {
-    /// Photos; each is a scene's background
+    /// Photos, or folders of them; each photo is a scene's background
     #[arg(long, num_args = 1..)]
     photos: Vec<PathBuf>,
-    /// Light fields of any format, square and odd
+    /// Light fields of any format, square and odd; views may be absent
     #[arg(long, num_args = 1..)]
     fields: Vec<PathBuf>,
     /// Captures of each scene or light field
@@ -112,11 +113,21 @@ fn photographed(
     row(&samples, Size { width, height }, &truth, learned)
 }
 
-/// The middle views of a light field, sampled on a hexagonal lattice.
-fn sampled(field: &LightField, seed: u64) -> anyhow::Result<HexSamples> {
-    let (rows, columns, height, width, channels) = field.data.dim();
+/// The largest odd number of views a side, `VIEWS` at most, so that none of the middle ones is absent.
+fn whole_square(field: &LightField) -> anyhow::Result<usize> {
+    let (rows, columns, ..) = field.data.dim();
     ensure!(rows == columns && rows % 2 == 1, "{rows}x{columns} views: a square, odd number is needed");
-    let views = VIEWS.min(rows);
+    let present = |v: usize, u: usize| field.meta.weights.as_ref().is_none_or(|w| w[v * columns + u] > 0.0);
+    let is_whole = |side: usize| {
+        let middle = (rows - side) / 2..(rows + side) / 2;
+        middle.clone().all(|v| middle.clone().all(|u| present(v, u)))
+    };
+    (1..=VIEWS.min(rows)).rev().step_by(2).find(|&side| is_whole(side)).context("the middle view is absent")
+}
+
+/// The middle views of a light field, sampled on a hexagonal lattice.
+fn sampled(field: &LightField, views: usize, seed: u64) -> anyhow::Result<HexSamples> {
+    let (rows, _, height, width, channels) = field.data.dim();
     let first = (rows - views) / 2;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let phase = [rng.random::<f64>(), rng.random::<f64>()];
@@ -132,16 +143,36 @@ fn sampled(field: &LightField, seed: u64) -> anyhow::Result<HexSamples> {
     Ok(HexSamples { sensor: (width, height), centres, index, views, view_step: 1.0, weights, values })
 }
 
-/// Captures of a light field rendered by others.
-fn rendered(path: &Path, seeds: u64, learned: &[(Interpolation, Dictionary)]) -> anyhow::Result<Vec<Row>> {
-    let mut field = lightfield::load(path, &ReadOptions::default())?;
+/// Captures of a light field rendered by others; its name says how many views were used.
+fn rendered(path: &Path, seeds: u64, learned: &[(Interpolation, Dictionary)]) -> anyhow::Result<(String, Vec<Row>)> {
+    let mut field = lightfield::load(path, &ReadOptions { partial: true, ..ReadOptions::default() })?;
+    let views = whole_square(&field)?;
     let middle = field.meta.views[0] / 2;
     let mut truth = field.data.slice(s![middle, middle, .., .., ..]).to_owned();
     colour::convert(&mut truth, field.meta.colour, ColourSpace::Srgb);
     colour::convert(&mut field.data, field.meta.colour, ColourSpace::Linear);
     field.meta.colour = ColourSpace::Linear;
     let target = Size { width: field.meta.size[1], height: field.meta.size[0] };
-    (1..=seeds).map(|seed| row(&sampled(&field, seed)?, target, &truth, learned)).collect()
+    let rows = (1..=seeds).map(|seed| row(&sampled(&field, views, seed)?, target, &truth, learned));
+    Ok((format!("{}, {views}x{views} views", file_name(path)), rows.collect::<anyhow::Result<_>>()?))
+}
+
+/// The sets of photos by name: a folder's pictures in the order of their names, and the files that are named singly.
+fn photo_sets(paths: &[PathBuf]) -> anyhow::Result<Vec<(String, Vec<PathBuf>)>> {
+    let (folders, files): (Vec<PathBuf>, Vec<PathBuf>) = paths.iter().cloned().partition(|p| p.is_dir());
+    let mut sets = Vec::new();
+    for folder in folders {
+        let entries = std::fs::read_dir(&folder)?.map(|e| Ok(e?.path()));
+        let mut pictures = entries.collect::<std::io::Result<Vec<_>>>()?;
+        pictures.sort();
+        sets.push((file_name(&folder), pictures));
+    }
+    sets.extend((!files.is_empty()).then(|| ("photos".to_owned(), files)));
+    Ok(sets)
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
 }
 
 fn mean_and_spread(values: &[f64]) -> [f64; 2] {
@@ -167,20 +198,27 @@ fn summary(rows: &[Row]) -> Value {
     json!({ "captures": rows.len(), "methods": methods.collect::<Map<_, _>>() })
 }
 
-fn markdown(name: &str, summary: &Value) -> String {
-    let mut text =
-        format!("| {name}, {} captures | Y dB | over no codes, Y | RGB dB |\n|---|--:|--:|--:|\n", summary["captures"]);
-    for (method, value) in summary["methods"].as_object().into_iter().flatten() {
-        let part = |key: &str, k: usize| value[key][k].as_f64().unwrap_or(f64::NAN);
-        text += &format!(
-            "| {method} | {:.2} ± {:.2} | {:+.2} ± {:.2} | {:.2} ± {:.2} |\n",
-            part("psnr_y", 0),
-            part("psnr_y", 1),
-            part("over_no_codes", 0),
-            part("over_no_codes", 1),
-            part("psnr_rgb", 0),
-            part("psnr_rgb", 1)
-        );
+/// A table a score: a row a method, a column a set.
+fn markdown(sets: &Map<String, Value>) -> String {
+    let mut text = String::new();
+    let head: String = sets.iter().map(|(name, s)| format!(" {name}, {} captures |", s["captures"])).collect();
+    let Some(methods) = sets.values().next().and_then(|s| s["methods"].as_object()) else { return text };
+    let scores = [
+        ("luminance, dB", "psnr_y", false),
+        ("over no codes, dB", "over_no_codes", true),
+        ("colour, dB", "psnr_rgb", false),
+    ];
+    for (title, key, signed) in scores {
+        text += &format!("| {title} |{head}\n|---|{}\n", "--:|".repeat(sets.len()));
+        for method in methods.keys() {
+            let cell = |set: &Value| {
+                let part = |k: usize| set["methods"][method][key][k].as_f64().unwrap_or(f64::NAN);
+                let mean = if signed { format!("{:+.2}", part(0)) } else { format!("{:.2}", part(0)) };
+                format!(" {mean} ± {:.2} |", part(1))
+            };
+            text += &format!("| {method} |{}\n", sets.values().map(cell).collect::<String>());
+        }
+        text += "\n";
     }
     text
 }
@@ -193,21 +231,21 @@ fn main() -> anyhow::Result<()> {
         .map(|base| Ok::<_, anyhow::Error>((base, embedded_dictionary_for(base)?)));
     let learned = learned.into_iter().collect::<anyhow::Result<Vec<_>>>()?;
     let mut out = Map::new();
-    if !a.photos.is_empty() {
+    for (name, photos) in photo_sets(&a.photos)? {
         let mut rows = Vec::new();
-        for (k, seed) in (0..a.photos.len()).flat_map(|k| (1..=a.seeds).map(move |seed| (k, seed))) {
-            let count = PHOTOS.min(a.photos.len());
-            let scene: Vec<PathBuf> = (0..count).map(|j| a.photos[(k + j) % a.photos.len()].clone()).collect();
+        for (k, seed) in (0..photos.len()).flat_map(|k| (1..=a.seeds).map(move |seed| (k, seed))) {
+            let count = PHOTOS.min(photos.len());
+            let scene: Vec<PathBuf> = (0..count).map(|j| photos[(k + j) % photos.len()].clone()).collect();
             rows.push(photographed(&scene, seed, a.sensor, &learned)?);
         }
-        out.insert("photos".into(), summary(&rows));
+        out.insert(name, summary(&rows));
     }
     for field in &a.fields {
-        let name = field.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-        out.insert(name, summary(&rendered(field, a.seeds, &learned)?));
+        let (name, rows) = rendered(field, a.seeds, &learned)?;
+        out.insert(name, summary(&rows));
     }
     if a.table {
-        out.iter().for_each(|(name, summary)| println!("{}", markdown(name, summary)));
+        print!("{}", markdown(&out));
     } else {
         println!("{}", Value::Object(out));
     }

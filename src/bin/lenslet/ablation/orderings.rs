@@ -55,12 +55,13 @@ const ORDERINGS: [Ordering; 22] = [
     must("resampling", "anchored", "ridge", [0.33, 0.32]),
     must("resampling", "network", "ridge", [0.34, 0.22]),
     must("resampling", "ridge", "no codes", [0.23, 0.18]),
-    must("resampling", "LASSO on multiview", "no codes on multiview", [0.13, 0.21]),
+    // On refined views of the drawn scene codes and anchors lower the score (by 0.24 and 0.07 dB): bounds on the harm.
+    must("resampling", "LASSO on multiview", "no codes on multiview", [-0.40, 0.20]),
     // One linear filter is worth nothing on refined views.
     over("resampling", "ridge on multiview", "no codes on multiview"),
-    must("resampling", "anchored on multiview", "no codes on multiview", [0.15, 0.10]),
-    must("resampling", "network on multiview", "no codes on multiview", [0.98, 0.95]),
-    must("resampling", "network on multiview", "multiview", [1.00, 0.97]),
+    must("resampling", "anchored on multiview", "no codes on multiview", [-0.20, 0.01]),
+    must("resampling", "network on multiview", "no codes on multiview", [0.45, 1.00]),
+    must("resampling", "network on multiview", "multiview", [0.48, 1.03]),
 ];
 
 /// The least margin that counts besides the spread, dB.
@@ -100,6 +101,11 @@ impl Verdict {
             (_, true) => "does not hold",
             _ => "within the spread",
         }
+    }
+
+    /// The mean below which the program fails, as tables show it; nothing where there is none.
+    pub fn least_text(&self) -> String {
+        self.least.map(|least| format!("{least:.2}")).unwrap_or_default()
     }
 
     /// Whether it had to hold by a margin, and does not.

@@ -28,7 +28,7 @@ pub fn write_page(out: &Path, tables: &[Table], verdicts: &[Verdict], about: &[S
     if !verdicts.is_empty() {
         page.heading("Orderings");
         page.paragraph("Whether what should score more does: mean and spread over seeds of the paired differences. It holds where the \
-             mean is above 0.005 dB and above two standard errors.");
+             mean is above 0.005 dB and above two standard errors; --check fails where it is not above the least margin given.");
         page.table(&orderings(verdicts));
     }
     for table in tables {
@@ -55,12 +55,13 @@ fn orderings(verdicts: &[Verdict]) -> report::Table {
             v.better.clone(),
             v.worse.clone(),
             format_cell(&v.margin, 2),
+            v.least_text(),
             v.name().into(),
         ]
     };
     report::Table {
         caption: "PSNR of the middle view's luminance, or of hidden lenslets".into(),
-        head: ["experiment", "subject", "this", "over this", "margin dB", ""].map(String::from).to_vec(),
+        head: ["experiment", "subject", "this", "over this", "margin dB", "least dB", ""].map(String::from).to_vec(),
         rows: verdicts.iter().map(row).collect(),
         best: Vec::new(),
     }
@@ -73,7 +74,11 @@ fn section(page: &mut Page, out: &Path, table: &Table) {
     let mut drawings: Vec<(String, String)> =
         PLOTTED.iter().filter_map(|name| Some((plot::dots(table, name)?, meaning(name)))).collect();
     drawings.extend(against_time(table).map(|svg| {
-        (svg, "PSNR of the middle view over the seconds the dictionary took to train, each point a variant.".to_owned())
+        (
+            svg,
+            "PSNR of the middle view's luminance over the seconds the dictionary took to train, each point a variant."
+                .to_owned(),
+        )
     }));
     for (which, name) in ["line_contrast", "spurious"].into_iter().enumerate() {
         drawings.extend(line_pairs(table, which + 1).map(|svg| (svg, meaning(name))));
@@ -132,10 +137,10 @@ fn line_pairs(table: &Table, which: usize) -> Option<String> {
     (2..=6).contains(&series.len()).then(|| line_plot("line pairs a lenslet", name, &series))
 }
 
-/// PSNR over seconds of training, a point a variant, on the first subject.
+/// PSNR of luminance over seconds of training, a point a variant, on the first subject.
 fn against_time(table: &Table) -> Option<String> {
     let column = |name: &str| table.columns.iter().position(|c| c == name);
-    let (x, y) = (column("train_seconds")?, column("psnr")?);
+    let (x, y) = (column("train_seconds")?, column("psnr_y")?);
     let subject = &table.rows.first()?.subject;
     let series: Vec<Series> = table
         .rows
@@ -144,7 +149,7 @@ fn against_time(table: &Table) -> Option<String> {
         .filter_map(|r| Some((r, r.cells[x]?, r.cells[y]?)))
         .map(|(r, x, y)| Series { name: r.variant.clone(), points: vec![[x.mean, y.mean]] })
         .collect();
-    (series.len() > 1).then(|| line_plot("training, seconds", "PSNR, dB", &series))
+    (series.len() > 1).then(|| line_plot("training, seconds", "PSNR of luminance, dB", &series))
 }
 
 /// A slider between any two variants and the truth, then every difference from the truth.

@@ -26,7 +26,7 @@ pub struct Score {
 /// All scores, in the order of columns.
 pub const SCORES: [Score; 18] = [
     score("psnr", "PSNR dB", "colour, middle view, sRGB-encoded, 12 px border left out", 2, 1),
-    score("psnr_y", "PSNR Y dB", "the same of luminance", 2, 1),
+    score("psnr_y", "PSNR Y dB", "luminance, middle view, sRGB-encoded, 12 px border left out", 2, 1),
     score(
         "ssim",
         "SSIM",

@@ -211,12 +211,14 @@ fn results_page(tables: &[table::Table], verdicts: &[orderings::Verdict], about:
         out += &format!("- {line}\n");
     }
     out += "\n## Orderings\n\nMargins are means of paired differences (PSNR of luminance, or of hidden lenslets), ± their standard deviation over \
-            seeds. One holds where the mean is above 0.005 dB and above two standard errors.\n\n";
-    out += "| experiment | subject | this | over this | margin dB | |\n|---|---|---|---|--:|---|\n";
+            seeds. One holds where the mean is above 0.005 dB and above two standard errors; `--check` fails where it is not \
+            above the least margin given.\n\n";
+    out += "| experiment | subject | this | over this | margin dB | least dB | |\n|---|---|---|---|--:|--:|---|\n";
     for v in verdicts {
         let verdict = if v.holds { "holds".into() } else { format!("**{}**", v.name()) };
-        let margin = table::format_cell(&v.margin, 2);
-        out += &format!("| {} | {} | {} | {} | {margin} | {verdict} |\n", v.experiment, v.subject, v.better, v.worse);
+        let (margin, least) = (table::format_cell(&v.margin, 2), v.least_text());
+        let names = format!("{} | {} | {} | {}", v.experiment, v.subject, v.better, v.worse);
+        out += &format!("| {names} | {margin} | {least} | {verdict} |\n");
     }
     out += "\n## Tables\n\nMean ± standard deviation over seeds; the best of each subject in bold.\n\n";
     out += &table::tables_to_markdown(tables);

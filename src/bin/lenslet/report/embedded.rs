@@ -167,6 +167,9 @@ pub fn captioned_strip(pictures: &[(String, Array3<f32>)], gap: usize, letters: 
         "pictures do not fit together"
     );
     let head = letters * 2;
+    // As large as the longest name allows: letters are as wide as high, and half of one is left at both sides.
+    let room = |(name, p): &(String, Array3<f32>)| p.dim().1 as f64 / (name.chars().count() + 1) as f64;
+    let letter = pictures.iter().map(room).fold(letters as f64, f64::min);
     let width: usize = pictures.iter().map(|(_, p)| p.dim().1 + gap).sum::<usize>() - gap;
     let mut out = Array3::ones((height + head, width, 3));
     let mut left = 0;
@@ -179,9 +182,9 @@ pub fn captioned_strip(pictures: &[(String, Array3<f32>)], gap: usize, letters: 
                 let ink = [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)]
                     .iter()
                     .filter(|(dx, dy)| {
-                        // Half a letter from the picture's left edge.
-                        let (tx, ty) = (x as f64 + dx - letters as f64 * 0.5, y as f64 + dy - letters as f64 * 0.5);
-                        lenslet_core::stroke_font::is_on_text(tx, ty, name, letters as f64, 1.0)
+                        // Half a letter from the picture's left edge, in the middle of the head.
+                        let (tx, ty) = (x as f64 + dx - 0.5 * letter, y as f64 + dy - 0.5 * (head as f64 - letter));
+                        lenslet_core::stroke_font::is_on_text(tx, ty, name, letter, 1.0)
                     })
                     .count() as f32;
                 out.slice_mut(s![y, left + x, ..]).fill(1.0 - 0.22 * ink);

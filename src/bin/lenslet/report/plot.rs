@@ -118,13 +118,20 @@ pub fn line_plot(x_name: &str, y_name: &str, series: &[Series]) -> String {
     svg + "</svg>"
 }
 
+/// A bar: its name, its value, and the group whose colour it has.
+pub struct Bar {
+    pub name: String,
+    pub value: f64,
+    pub group: usize,
+}
+
 /// Horizontal bars from `base` on, each with its name and value.
-pub fn bar_chart(unit: &str, base: f64, bars: &[(String, f64)]) -> String {
-    let high = bars.iter().map(|b| b.1).filter(|v| v.is_finite()).fold(base, f64::max);
+pub fn bar_chart(unit: &str, base: f64, bars: &[Bar]) -> String {
+    let high = bars.iter().map(|b| b.value).filter(|v| v.is_finite()).fold(base, f64::max);
     let full = 30.0 * bars.len() as f64 + 12.0;
     let mut svg = open(full, unit);
     let start = 230.0;
-    for (k, (name, value)) in bars.iter().enumerate() {
+    for (k, Bar { name, value, group }) in bars.iter().enumerate() {
         let y = 8.0 + 30.0 * k as f64;
         let share =
             if high > base && value.is_finite() { ((value - base) / (high - base)).clamp(0.0, 1.0) } else { 0.0 };
@@ -132,7 +139,7 @@ pub fn bar_chart(unit: &str, base: f64, bars: &[(String, f64)]) -> String {
         let _ = write!(
             svg,
             "<g class=\"s{}\"><text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text><rect class=\"bar\" x=\"{start:.1}\" y=\"{y:.1}\" width=\"{width:.1}\" height=\"20\" rx=\"2\"/><text x=\"{:.1}\" y=\"{:.1}\">{value:.2} {}</text></g>",
-            k % 6,
+            group % 6,
             start - 10.0,
             y + 15.0,
             escape_html(name),
@@ -177,10 +184,12 @@ mod tests {
 
     #[test]
     fn bars_are_as_long_as_their_values() {
-        let svg = bar_chart("dB", 20.0, &[("a".into(), 25.0), ("b".into(), 30.0), ("c".into(), f64::NAN)]);
+        let bar = |name: &str, value, group| Bar { name: name.into(), value, group };
+        let svg = bar_chart("dB", 20.0, &[bar("a", 25.0, 0), bar("b", 30.0, 1), bar("c", f64::NAN, 1)]);
         let widths: Vec<f64> =
             svg.split("width=\"").skip(1).filter_map(|w| w.split('"').next().and_then(|w| w.parse().ok())).collect();
         assert!((widths[1] / widths[0] - 2.0).abs() < 0.01, "{widths:?}");
         assert_eq!(widths[2], 0.0);
+        assert_eq!([svg.matches("class=\"s0\"").count(), svg.matches("class=\"s1\"").count()], [1, 2]);
     }
 }
