@@ -211,6 +211,82 @@ fn long_signals_and_large_supports_converge() {
     }
 }
 
+/// Random atoms with a spectrum from 1 to 1/`condition`, of unit norm.
+fn ill_conditioned_atoms(k: usize, m: usize, condition: f32, seed: u64) -> Array2<f32> {
+    let mut atoms = random_atoms(k, m, seed);
+    for mut atom in atoms.rows_mut() {
+        for (i, v) in atom.iter_mut().enumerate() {
+            *v *= condition.powf(-(i as f32) / (m - 1) as f32);
+        }
+        let norm = atom.dot(&atom).sqrt();
+        atom /= norm;
+    }
+    atoms
+}
+
+/// Atoms in pairs that differ by a hundredth, and copies.
+fn coherent_atoms(k: usize, m: usize, seed: u64) -> Array2<f32> {
+    let (base, other) = (random_atoms(k, m, seed), random_atoms(k, m, seed + 1));
+    let mut atoms = base.clone();
+    for n in (1..k).step_by(2) {
+        let near = &base.row(n - 1) + &(0.01 * &other.row(n));
+        atoms.row_mut(n).assign(&(&near / near.dot(&near).sqrt()));
+    }
+    let copy = atoms.row(0).to_owned();
+    atoms.row_mut(k - 1).assign(&copy);
+    atoms
+}
+
+#[test]
+fn small_penalties_are_certified_on_any_dictionary() {
+    let dictionaries = [
+        ("random", random_atoms(150, 30, 20)),
+        ("ill-conditioned", ill_conditioned_atoms(40, 30, 100.0, 21)),
+        ("ill-conditioned, many", ill_conditioned_atoms(200, 30, 1000.0, 22)),
+        ("coherent", coherent_atoms(80, 30, 23)),
+        ("fewer than values", ill_conditioned_atoms(20, 30, 100.0, 24)),
+    ];
+    let mut signals = random_signals(16, 30, 25);
+    // Beyond what f32 can square.
+    signals.row_mut(5).mapv_inplace(|v| v * 1e-25);
+    for (name, atoms) in dictionaries {
+        let dictionary = sparse::prepare(atoms.view()).unwrap();
+        let mut left_by_f32 = 0;
+        for nonnegative in [false, true] {
+            for lambda in [0.01, 1e-3, 1e-4, 1e-6, 0.0] {
+                if lambda == 0.0 && nonnegative {
+                    continue;
+                }
+                let options = Options { nonnegative, ..options(Solver::Auto, lambda) };
+                let codes = sparse::solve(&dictionary, signals.view(), &options).unwrap();
+                assert!(codes.all_converged(), "{name}, λ {lambda}: gap {}", codes.max_gap());
+                left_by_f32 += codes.redone_in_f64;
+                let ours = codes.objectives(&dictionary, signals.view()).unwrap();
+                let ones = Array2::ones(signals.dim());
+                let slow = sparse::solve_weighted(&dictionary, signals.view(), ones.view(), &options).unwrap();
+                let oracle = slow.objectives(&dictionary, signals.view()).unwrap();
+                for n in (0..16).filter(|&n| slow.ended[n] == Ended::Converged) {
+                    let energy = 0.5 * signals.row(n).iter().map(|&v| f64::from(v).powi(2)).sum::<f64>();
+                    // Each is within its gap of the minimum, 1e-6 of the energy, and the values are rounded to f32.
+                    let difference = (ours[n] - oracle[n]).abs();
+                    assert!(difference <= 1.1e-6 * energy, "{name}, λ {lambda}, signal {n}: {} {}", ours[n], oracle[n]);
+                    assert!(codes.gaps[n] <= 1.001e-6 * energy);
+                }
+                for simd in [Simd::Plain, Simd::Avx2].into_iter().filter(|_| lambda == 1e-3) {
+                    let other = dictionary.clone().with_simd(simd);
+                    let plain = sparse::solve(&other, signals.view(), &options).unwrap();
+                    assert_eq!(
+                        (&plain.atoms, &plain.values),
+                        (&codes.atoms, &codes.values),
+                        "{name}, λ {lambda}, {simd:?}"
+                    );
+                }
+            }
+        }
+        assert!(left_by_f32 > 16, "{name}: {left_by_f32} signals left by f32");
+    }
+}
+
 #[test]
 fn the_edges_of_lambda() {
     let (dictionary, mut signals) = fixture();

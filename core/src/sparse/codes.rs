@@ -24,7 +24,7 @@ pub struct Codes {
     pub iterations: Vec<u32>,
     /// How the solve of each signal ended.
     pub ended: Vec<Ended>,
-    /// Number of signals that the f64 active set solved after the f32 one had failed (ill-conditioned supports, tight
+    /// Number of signals that f32 left, solved in mixed precision or f64 (ill-conditioned supports, small λ, tight
     /// tolerances).
     pub redone_in_f64: usize,
 }

@@ -7,6 +7,8 @@ use rayon::prelude::*;
 use super::codes::Codes;
 use super::error::Error;
 use super::kernel::active_set_f32::{LassoBlock, Settings};
+use super::kernel::active_set_f64::{self, Observation, ObservedProblem};
+use super::kernel::active_set_mixed::{MixedProblem, SolveMixed};
 use super::kernel::product::Correlate;
 use super::kernel::pursuit_f32::{MAX_PURSUIT_NONZEROS, PursuitBlock};
 use super::kernel::scratch::Scratch;
@@ -120,8 +122,12 @@ fn solve_block(
     };
     for part in signals.chunks(PART * m) {
         let Some(reference) = solver.reference() else {
-            let block = LassoBlock { dictionary, signals: part, settings, scratch, codes: &mut codes };
-            dispatch(dictionary.simd(), block);
+            dispatch(dictionary.simd(), LassoBlock { dictionary, signals: part, settings, scratch });
+            codes.redone_in_f64 += scratch.unfinished.len();
+            finish(dictionary, settings, scratch);
+            for solved in &scratch.solved[..part.len() / m] {
+                codes.push_sorted(&solved.entries, &solved.finished);
+            }
             continue;
         };
         let mut plainly = |n: usize, correlations: &[Chunk], codes: &mut Codes| {
@@ -146,6 +152,51 @@ fn solve_block(
         }
     }
     codes
+}
+
+/// Solves what f32 left, in mixed precision from where it stopped; what that leaves, in f64 from nothing.
+fn finish(dictionary: &Prepared, settings: Settings, scratch: &mut Scratch) {
+    let Scratch { padded, solved, unfinished, mixed, .. } = scratch;
+    let chunks = dictionary.signal_len().div_ceil(16);
+    for left in unfinished.iter() {
+        let (signal, solved) = (&padded[left.signal * chunks..][..chunks], &mut solved[left.signal]);
+        let problem = MixedProblem {
+            dictionary,
+            signal,
+            lambda: f64::from(left.lambda),
+            first_lambda: left.first_lambda,
+            goal: left.goal,
+            rounds: left.rounds,
+            max_rounds: settings.max_rounds,
+            nonnegative: settings.nonnegative,
+            start: &solved.entries,
+        };
+        if left.lambda == 0.0 && mixed.span.is_empty() {
+            mixed.span = active_set_f64::orthonormal_basis(dictionary, Observation::Full, dictionary.signal_len());
+        }
+        let finished = dispatch(dictionary.simd(), SolveMixed { problem, scratch: mixed });
+        solved.entries.clear();
+        if let Some(finished) = finished {
+            let members = mixed.support.members();
+            solved.entries.extend(members.map(|(k, v)| (dictionary.outside(k), v as f32)));
+            solved.finished = finished;
+        } else {
+            let signal: Vec<f64> = flat(signal)[..dictionary.signal_len()].iter().map(|&v| f64::from(v)).collect();
+            let solution = active_set_f64::solve(&ObservedProblem {
+                dictionary,
+                observation: Observation::Full,
+                signal: &signal,
+                lambda: f64::from(left.lambda),
+                goal: left.goal,
+                max_rounds: settings.max_rounds,
+                nonnegative: settings.nonnegative,
+            });
+            let members = solution.support.iter().zip(&solution.values);
+            solved.entries.extend(members.map(|(&k, &v)| (dictionary.outside(k), v as f32)));
+            solved.finished = solution.finished;
+        }
+        solved.entries.sort_unstable_by_key(|e| e.0);
+    }
 }
 
 /// One signal by a plain solver.

@@ -3,8 +3,8 @@
 //!
 //! No Gram matrix of the dictionary is needed, so every signal may have its own sampling S (weights, a mask, or any
 //! matrix). Each move is the correction Δ = G_SS⁻¹(A_Sᵀr − λθ) for the current residual r, so rounding does not
-//! accumulate. Linearly dependent atoms are exchanged along the null direction. The oracle of the f32 active set, and
-//! its fallback.
+//! accumulate. Linearly dependent atoms are exchanged along the null direction. The oracle of the
+//! others, and their last resort.
 
 use ndarray::ArrayView2;
 
@@ -57,7 +57,11 @@ pub(crate) fn solve(problem: &ObservedProblem<'_>) -> Solution {
     let mut correlations = vec![0.0f64; problem.dictionary.atom_count()];
     let mut rounds = 0;
     let mut quiet = 0;
-    let span = if problem.lambda == 0.0 { orthonormal_basis(problem) } else { Vec::new() };
+    let span = if problem.lambda == 0.0 {
+        orthonormal_basis(problem.dictionary, problem.observation, problem.signal.len())
+    } else {
+        Vec::new()
+    };
     let scale = {
         correlate(problem.dictionary, problem.observation, problem.signal, &mut correlations);
         correlations.iter().fold(0.0f64, |m, c| m.max(c.abs()))
@@ -112,7 +116,11 @@ fn solution(problem: &ObservedProblem<'_>, members: Vec<Member>, gap: f64, round
 
 /// The duality gap of a given code.
 pub(crate) fn gap_of_members(problem: &ObservedProblem<'_>, members: &[Member]) -> f64 {
-    let span = if problem.lambda == 0.0 { orthonormal_basis(problem) } else { Vec::new() };
+    let span = if problem.lambda == 0.0 {
+        orthonormal_basis(problem.dictionary, problem.observation, problem.signal.len())
+    } else {
+        Vec::new()
+    };
     let residual = residual(problem, members);
     let mut correlations = vec![0.0f64; problem.dictionary.atom_count()];
     correlate(problem.dictionary, problem.observation, &residual, &mut correlations);
@@ -289,9 +297,7 @@ fn certified_gap(
     span: &[Vec<f64>],
 ) -> f64 {
     if problem.lambda == 0.0 && !problem.nonnegative {
-        // Without a penalty the minimum is the projection on the span; the gap is ½‖·‖² of the residual's part in the
-        // span.
-        return 0.5 * span.iter().map(|q| inner_product(q, residual).powi(2)).sum::<f64>();
+        return gap_in_span(span, residual);
     }
     let largest = correlations.iter().fold(0.0f64, |m, &c| m.max(if problem.nonnegative { c } else { c.abs() }));
     let norm1 = members.iter().map(|m| m.value.abs()).sum();
@@ -299,14 +305,14 @@ fn certified_gap(
     gap::duality_gap(yr, rr, norm1, problem.lambda, largest)
 }
 
-/// An orthonormal basis of the span of all atoms as observed.
-fn orthonormal_basis(problem: &ObservedProblem<'_>) -> Vec<Vec<f64>> {
+/// An orthonormal basis of the span of all atoms as observed, in `len` values.
+pub(crate) fn orthonormal_basis(dictionary: &Prepared, observation: Observation<'_>, len: usize) -> Vec<Vec<f64>> {
     let mut basis: Vec<Vec<f64>> = Vec::new();
-    for k in 0..problem.dictionary.atom_count() {
-        if basis.len() == problem.signal.len() {
+    for k in 0..dictionary.atom_count() {
+        if basis.len() == len {
             break;
         }
-        let mut v = observed_atom(problem.dictionary, problem.observation, k);
+        let mut v = observed_atom(dictionary, observation, k);
         let before = inner_product(&v, &v).sqrt();
         for _ in 0..2 {
             for q in &basis {
@@ -322,6 +328,11 @@ fn orthonormal_basis(problem: &ObservedProblem<'_>) -> Vec<Vec<f64>> {
         }
     }
     basis
+}
+
+/// The gap without a penalty: the minimum is the projection on the span, so ½‖·‖² of the residual's part in it.
+pub(crate) fn gap_in_span(span: &[Vec<f64>], residual: &[f64]) -> f64 {
+    0.5 * span.iter().map(|q| inner_product(q, residual).powi(2)).sum::<f64>()
 }
 
 fn inner_product(a: &[f64], b: &[f64]) -> f64 {

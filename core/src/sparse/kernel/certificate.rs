@@ -16,6 +16,8 @@ pub(crate) struct Settled<'a> {
     pub norm: f64,
     /// The gap to reach.
     pub goal: f64,
+    /// Whether λ of the rounds is that of the problem.
+    pub is_last: bool,
     /// The signal, padded with zeros.
     pub signal: &'a [Chunk],
 }

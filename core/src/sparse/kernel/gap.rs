@@ -12,7 +12,9 @@ pub(crate) fn duality_gap(yr: f64, rr: f64, norm1: f64, lambda: f64, largest: f6
     // The dual value s·y·r − ½s²‖r‖² grows up to s = y·r/‖r‖².
     let s = if rr > 0.0 { (yr / rr).clamp(0.0, most) } else { 0.0 };
     let dual = s * yr - 0.5 * s * s * rr;
-    (primal - dual).max(0.0)
+    let gap = primal - dual;
+    // What is not a number proves nothing.
+    if gap.is_nan() { f64::INFINITY } else { gap.max(0.0) }
 }
 
 /// Inner product in f64 of an f32 row and an f64 vector, in sixteen fixed lanes.

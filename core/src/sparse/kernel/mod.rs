@@ -1,8 +1,8 @@
-//! The solvers used by default: the f32 active set and matching pursuit on SIMD lanes, certificates, the f64 active
-//! set.
+//! The solvers used by default: the active set in f32, in mixed precision and in f64, and matching pursuit.
 
 pub(crate) mod active_set_f32;
 pub(crate) mod active_set_f64;
+pub(crate) mod active_set_mixed;
 mod candidate_search;
 mod certificate;
 pub(crate) mod gap;
@@ -11,4 +11,6 @@ pub(crate) mod pursuit_f32;
 pub(crate) mod scratch;
 pub(crate) mod simd;
 mod state;
+mod support_f64;
 mod update;
+mod wide;

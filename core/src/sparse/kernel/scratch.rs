@@ -1,5 +1,6 @@
 //! Scratch of one thread for the f32 kernels: correlations, the signals being solved, their results.
 
+use super::active_set_mixed::MixedScratch;
 use super::candidate_search::MAX_CHUNKS_SEARCHED_WHOLE;
 use super::product::GROUP;
 use super::simd::Chunk;
@@ -32,6 +33,9 @@ pub(crate) struct Scratch {
     pub padded: Vec<Chunk>,
     pub residual: Vec<[f64; 16]>,
     pub solved: Vec<Solved>,
+    /// Signals that f32 did not solve.
+    pub unfinished: Vec<Unfinished>,
+    pub mixed: MixedScratch,
 }
 
 /// A signal being solved.
@@ -40,10 +44,26 @@ pub(crate) struct Slot {
     /// Which signal of the block.
     pub signal: usize,
     pub entering: Entering,
+    /// λ of the problem.
+    pub wanted: f32,
+    /// λ of the rounds in f32, at least `wanted`.
     pub lambda: f32,
     pub threshold: f32,
     pub norm: f64,
     pub goal: f64,
+}
+
+/// A signal that f32 did not solve; the support that it had reached is in the entries of its [`Solved`].
+pub(crate) struct Unfinished {
+    /// Which signal of the block.
+    pub signal: usize,
+    pub lambda: f32,
+    /// The λ to go on from, at least `lambda`.
+    pub first_lambda: f64,
+    /// The gap to reach.
+    pub goal: f64,
+    /// Rounds so far.
+    pub rounds: u32,
 }
 
 /// A signal's result, kept until those of all earlier signals are ready.
@@ -59,6 +79,7 @@ impl Scratch {
             state: Box::new(State::new()),
             signal: 0,
             entering: Entering { atom: 0, at: 0, lane: 0 },
+            wanted: 0.0,
             lambda: 0.0,
             threshold: 0.0,
             norm: 0.0,
@@ -74,6 +95,8 @@ impl Scratch {
             padded: vec![Chunk::ZERO; block * chunks],
             residual: vec![[0.0; 16]; chunks],
             solved: (0..block).map(|_| Solved { entries: Vec::with_capacity(64), finished }).collect(),
+            unfinished: Vec::new(),
+            mixed: MixedScratch::default(),
         }
     }
 }

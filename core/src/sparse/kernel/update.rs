@@ -114,6 +114,36 @@ pub(crate) fn add_atom<S: Lanes, const C: usize, const CANDIDATES: bool>(
     true
 }
 
+/// Moves to the minimum for a lower λ with the same support, less atoms that would change sign. False when that does
+/// not end.
+#[inline(always)]
+pub(crate) fn lower_lambda<S: Lanes, const C: usize>(
+    lanes: S,
+    from: f32,
+    to: f32,
+    correlations: &mut [Chunk],
+    state: &mut State<C>,
+) -> bool {
+    let chunks = chunks_of::<C>(state.n);
+    let mut target = [Chunk::ZERO; C];
+    target[..chunks].copy_from_slice(&state.phi[..chunks]);
+    // φ += (λ − λ')·G_SS⁻¹θ; places without a member have no sign.
+    for place in 0..state.n {
+        let (block, row) = ((place / 16) & (C - 1), place & 15);
+        let sign = state.signs[block].0[row];
+        if sign != 0.0 {
+            let step = lanes.splat((from - to) * sign);
+            for v in 0..chunks {
+                let sum = lanes.fma(step, lanes.load(&state.inverse[block][row][v]), lanes.load(&target[v]));
+                lanes.store(&mut target[v], sum);
+            }
+            let atom = state.support[block][row] as usize;
+            flat_mut(correlations)[atom] = state.signal_correlations[block][row] - to * sign;
+        }
+    }
+    move_to::<S, C>(lanes, state, correlations, &mut target)
+}
+
 /// Moves from φ towards `target`, dropping the atoms whose coefficient would change sign on the way; false when it
 /// does not end.
 #[inline(always)]

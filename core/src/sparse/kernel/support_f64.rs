@@ -1,0 +1,360 @@
+//! The support of one signal in f64: values, signs, and the explicit inverse of its Gram matrix, on SIMD lanes.
+//!
+//! The inverse is updated by rank one when an atom enters or leaves. It only gives directions: errors are computed from
+//! the residual of the values themselves, so its rounding slows convergence at worst. A place whose member left is taken
+//! by the next; until then its row and column, value and sign are zero.
+// Loops by index: iterator chains are not always inlined into the function that has the processor's features.
+#![allow(clippy::needless_range_loop)]
+
+use super::gap;
+use super::simd::{Chunk, Lanes};
+use super::wide::{Begin, NO_ATOM, add_square, multiply, subtract_atoms};
+use crate::sparse::prepared::Prepared;
+
+/// The share of an atom's square that the support must leave for it to count as independent.
+///
+/// Source: chosen; f64 resolves 1e-16, and the copies of an atom that f32 files hold differ by 1e-14.
+const LEAST_INDEPENDENT_SHARE: f64 = 1e-10;
+
+/// The support of one signal.
+#[derive(Default)]
+pub(crate) struct Support {
+    /// All members are before this place.
+    places: usize,
+    /// Chunks of sixteen places in a row of the inverse.
+    stride: usize,
+    atoms: Vec<u32>,
+    values: Vec<[f64; 16]>,
+    signs: Vec<[f64; 16]>,
+    /// Where the values move.
+    target: Vec<[f64; 16]>,
+    /// Errors of the members' conditions: c − λθ.
+    errors: Vec<[f64; 16]>,
+    /// Inner products of the entering atom with the members.
+    overlap: Vec<[f64; 16]>,
+    /// G_SS⁻¹ times those, or a column of the inverse.
+    direction: Vec<[f64; 16]>,
+    /// Rows of `stride` chunks.
+    inverse: Vec<[f64; 16]>,
+    /// The entering atom.
+    column: Vec<[f64; 16]>,
+    /// What the support leaves of it.
+    rest: Vec<[f64; 16]>,
+}
+
+/// How an atom was added.
+pub(crate) enum Added {
+    /// The residual moved by −step times [`Support::rest`].
+    Along(f64),
+    /// Members left.
+    Otherwise,
+    /// Rounding left nothing to do.
+    Failed,
+}
+
+impl Support {
+    pub fn is_empty(&self) -> bool {
+        self.atoms.iter().all(|&atom| atom == NO_ATOM)
+    }
+
+    /// Members: atom and value.
+    pub fn members(&self) -> impl Iterator<Item = (u32, f64)> + '_ {
+        self.atoms.iter().copied().zip(self.values.as_flattened().iter().copied()).filter(|member| member.0 != NO_ATOM)
+    }
+
+    /// ‖φ‖₁.
+    pub fn norm1(&self) -> f64 {
+        self.values.as_flattened()[..self.places].iter().map(|v| v.abs()).sum()
+    }
+
+    /// Forgets all members.
+    pub fn clear(&mut self) {
+        self.inverse.clear();
+        self.atoms.clear();
+        for row in [&mut self.values, &mut self.signs, &mut self.target, &mut self.errors, &mut self.overlap] {
+            row.clear();
+        }
+        self.direction.clear();
+        (self.places, self.stride) = (0, 0);
+    }
+
+    /// Room for `places` places.
+    fn reserve(&mut self, places: usize) {
+        let stride = places.div_ceil(16);
+        if stride <= self.stride {
+            return;
+        }
+        let mut inverse = vec![[0.0; 16]; 16 * stride * stride];
+        if self.stride > 0 {
+            for (to, from) in inverse.chunks_exact_mut(stride).zip(self.inverse.chunks_exact(self.stride)) {
+                to[..self.stride].copy_from_slice(from);
+            }
+        }
+        self.inverse = inverse;
+        self.stride = stride;
+        let rows = [&mut self.values, &mut self.signs, &mut self.target, &mut self.errors, &mut self.overlap];
+        for row in rows.into_iter().chain([&mut self.direction]) {
+            row.resize(stride, [0.0; 16]);
+        }
+    }
+
+    /// Chunks that the places in use fill.
+    #[inline(always)]
+    fn chunks(&self) -> usize {
+        self.places.div_ceil(16)
+    }
+
+    /// Puts y − Dᵀφ into `residual`.
+    #[inline(always)]
+    pub fn subtract_fit<S: Lanes>(
+        &self,
+        lanes: S,
+        dictionary: &Prepared,
+        signal: &[Chunk],
+        residual: &mut [[f64; 16]],
+    ) {
+        subtract_atoms(lanes, dictionary, &self.atoms, self.values.as_flattened(), Begin::Signal(signal), residual);
+    }
+
+    /// What the support left of the atom that entered last.
+    pub fn rest(&self) -> &[[f64; 16]] {
+        &self.rest
+    }
+
+    /// Records the errors of the members' conditions for a residual. Returns the largest |c| (or c) of the members.
+    #[inline(always)]
+    pub fn record_errors<S: Lanes>(
+        &mut self,
+        lanes: S,
+        dictionary: &Prepared,
+        residual: &[[f64; 16]],
+        lambda: f64,
+        nonnegative: bool,
+    ) -> f64 {
+        let mut largest = 0.0f64;
+        for place in 0..self.places {
+            let mut error = 0.0;
+            if self.atoms[place] != NO_ATOM {
+                let c = gap::inner_product(lanes, dictionary.padded_atom(self.atoms[place] as usize), residual);
+                error = c - lambda * self.signs.as_flattened()[place];
+                largest = largest.max(if nonnegative { c } else { c.abs() });
+            }
+            self.errors.as_flattened_mut()[place] = error;
+        }
+        largest
+    }
+
+    /// Moves to the minimum for the recorded errors: φ_S += G_SS⁻¹ρ. With `keep_signs` members that would change sign
+    /// leave on the way. False when that does not end.
+    #[inline(always)]
+    pub fn correct_values<S: Lanes>(&mut self, lanes: S, keep_signs: bool) -> bool {
+        multiply(lanes, &self.inverse, self.stride, self.places, &self.errors, &mut self.direction);
+        for v in 0..self.chunks() {
+            for lane in 0..16 {
+                self.target[v][lane] = self.values[v][lane] + self.direction[v][lane];
+            }
+        }
+        self.move_to_target(lanes, keep_signs)
+    }
+
+    /// Takes over a member with its value, without moving the others. False, and nothing done, where it depends on them.
+    #[inline(always)]
+    pub fn take<S: Lanes>(&mut self, lanes: S, dictionary: &Prepared, atom: u32, value: f64) -> bool {
+        let own = self.load_column(lanes, dictionary, atom);
+        let left = self.find_direction(lanes, dictionary);
+        if left.is_nan() || left <= LEAST_INDEPENDENT_SHARE * own {
+            return false;
+        }
+        self.insert(lanes, atom, value, value.signum(), left);
+        true
+    }
+
+    /// Adds an atom whose condition has the error `error` = c − λθ ≠ 0, all other errors being zero, and moves to the
+    /// minimum. An atom that depends linearly on the support takes the place of the member that the null direction
+    /// brings to zero first.
+    #[inline(always)]
+    pub fn add<S: Lanes>(&mut self, lanes: S, dictionary: &Prepared, atom: u32, error: f64, keep_signs: bool) -> Added {
+        let sign = 1.0f64.copysign(error);
+        let own = self.load_column(lanes, dictionary, atom);
+        let mut start = 0.0;
+        let mut left = self.find_direction(lanes, dictionary);
+        let mut exchanged = false;
+        for _ in 0..4 {
+            if left > LEAST_INDEPENDENT_SHARE * own {
+                break;
+            }
+            let Some(reached) = self.exchange(lanes, sign) else { return Added::Failed };
+            exchanged = true;
+            start += reached * sign;
+            left = self.find_direction(lanes, dictionary);
+        }
+        if left.is_nan() || left <= LEAST_INDEPENDENT_SHARE * own {
+            return Added::Failed;
+        }
+        self.insert(lanes, atom, start, sign, left);
+        // With the direction extended by −1 for the new member, one formula for all.
+        let step = error / left;
+        let mut flips = false;
+        for v in 0..self.chunks() {
+            for lane in 0..16 {
+                self.target[v][lane] = self.values[v][lane] - step * self.direction[v][lane];
+                flips |= self.target[v][lane] * self.signs[v][lane] < 0.0;
+            }
+        }
+        if !(flips && keep_signs) {
+            let chunks = self.chunks();
+            self.values[..chunks].copy_from_slice(&self.target[..chunks]);
+            let finite = self.values.as_flattened()[..self.places].iter().all(|v| v.is_finite());
+            return match (finite, exchanged) {
+                (false, _) => Added::Failed,
+                (true, false) => Added::Along(step),
+                (true, true) => Added::Otherwise,
+            };
+        }
+        if self.move_to_target(lanes, keep_signs) { Added::Otherwise } else { Added::Failed }
+    }
+
+    /// Widens the entering atom; returns its square.
+    #[inline(always)]
+    fn load_column<S: Lanes>(&mut self, lanes: S, dictionary: &Prepared, atom: u32) -> f64 {
+        let atom = dictionary.padded_atom(atom as usize);
+        self.column.resize(atom.len(), [0.0; 16]);
+        for (to, from) in self.column.iter_mut().zip(atom) {
+            lanes.wide_store(to, lanes.wide(from));
+        }
+        gap::inner_product(lanes, atom, &self.column)
+    }
+
+    /// Puts G_SS⁻¹g into `direction`, g the inner products of the entering atom with the members, and what the support
+    /// leaves of the atom into `rest`; returns the square of that.
+    #[inline(always)]
+    fn find_direction<S: Lanes>(&mut self, lanes: S, dictionary: &Prepared) -> f64 {
+        for place in 0..self.places {
+            let atom = self.atoms[place];
+            self.overlap.as_flattened_mut()[place] = if atom == NO_ATOM {
+                0.0
+            } else {
+                gap::inner_product(lanes, dictionary.padded_atom(atom as usize), &self.column)
+            };
+        }
+        multiply(lanes, &self.inverse, self.stride, self.places, &self.overlap, &mut self.direction);
+        let mut rest = std::mem::take(&mut self.rest);
+        rest.resize(self.column.len(), [0.0; 16]);
+        subtract_atoms(
+            lanes,
+            dictionary,
+            &self.atoms,
+            self.direction.as_flattened(),
+            Begin::Wide(&self.column),
+            &mut rest,
+        );
+        let mut square = lanes.wide_splat(0.0);
+        for rest in &rest {
+            square = lanes.wide_fma(lanes.wide_load(rest), lanes.wide_load(rest), square);
+        }
+        self.rest = rest;
+        lanes.wide_sum(square)
+    }
+
+    /// Moves the values along the null direction of a dependent atom until the first member is zero, which leaves.
+    /// Returns the size that the entering atom has there; none when no member comes to zero.
+    #[inline(always)]
+    fn exchange<S: Lanes>(&mut self, lanes: S, sign: f64) -> Option<f64> {
+        let (mut t, mut first) = (f64::INFINITY, usize::MAX);
+        for place in 0..self.places {
+            let rate = sign * self.direction.as_flattened()[place] * self.signs.as_flattened()[place];
+            let value = self.values.as_flattened()[place].abs();
+            if rate > 1e-12 && value / rate < t {
+                (t, first) = (value / rate, place);
+            }
+        }
+        if first == usize::MAX {
+            return None;
+        }
+        for v in 0..self.chunks() {
+            for lane in 0..16 {
+                self.values[v][lane] -= t * sign * self.direction[v][lane];
+            }
+        }
+        self.remove(lanes, first);
+        Some(t)
+    }
+
+    /// Gives an atom a place, and extends `direction` by −1 there and the inverse by its row and column.
+    #[inline(always)]
+    fn insert<S: Lanes>(&mut self, lanes: S, atom: u32, value: f64, sign: f64, left: f64) -> usize {
+        let place = self.atoms[..self.places].iter().position(|&a| a == NO_ATOM).unwrap_or(self.places);
+        self.reserve(place + 1);
+        if place == self.places {
+            self.places += 1;
+            self.atoms.push(NO_ATOM);
+        }
+        self.atoms[place] = atom;
+        self.values.as_flattened_mut()[place] = value;
+        self.signs.as_flattened_mut()[place] = sign;
+        for v in self.chunks() - 1..self.stride {
+            for lane in 0..16 {
+                if 16 * v + lane >= self.places {
+                    self.direction[v][lane] = 0.0;
+                }
+            }
+        }
+        self.direction.as_flattened_mut()[place] = -1.0;
+        add_square(lanes, &mut self.inverse, self.stride, self.places, &self.direction, 1.0 / left);
+        place
+    }
+
+    /// Moves to `target`; with `keep_signs` members that would change sign leave on the way.
+    #[inline(always)]
+    fn move_to_target<S: Lanes>(&mut self, lanes: S, keep_signs: bool) -> bool {
+        for _ in 0..4 * self.places + 4 {
+            let (mut t, mut first) = (1.0f64, usize::MAX);
+            if keep_signs {
+                for place in 0..self.places {
+                    let (from, to) = (self.values.as_flattened()[place], self.target.as_flattened()[place]);
+                    if to * self.signs.as_flattened()[place] < 0.0 {
+                        let crossing = (from / (from - to)).clamp(0.0, 1.0);
+                        if crossing < t || first == usize::MAX {
+                            (t, first) = (crossing, place);
+                        }
+                    }
+                }
+            }
+            if first == usize::MAX {
+                let chunks = self.chunks();
+                self.values[..chunks].copy_from_slice(&self.target[..chunks]);
+                return self.values.as_flattened()[..self.places].iter().all(|v| v.is_finite());
+            }
+            for v in 0..self.chunks() {
+                for lane in 0..16 {
+                    self.values[v][lane] += t * (self.target[v][lane] - self.values[v][lane]);
+                }
+            }
+            self.remove(lanes, first);
+        }
+        false
+    }
+
+    /// Removes the member at a place, and moves `target` to the minimum without it.
+    #[inline(always)]
+    fn remove<S: Lanes>(&mut self, lanes: S, place: usize) {
+        let chunks = self.chunks();
+        self.direction[..chunks].copy_from_slice(&self.inverse[place * self.stride..][..chunks]);
+        let scale = 1.0 / self.direction.as_flattened()[place];
+        let excess = self.target.as_flattened()[place] * scale;
+        for v in 0..chunks {
+            for lane in 0..16 {
+                self.target[v][lane] -= excess * self.direction[v][lane];
+            }
+        }
+        add_square(lanes, &mut self.inverse, self.stride, self.places, &self.direction, -scale);
+        for row in 0..self.places {
+            self.inverse[row * self.stride + place / 16][place % 16] = 0.0;
+        }
+        self.inverse[place * self.stride..][..self.stride].fill([0.0; 16]);
+        self.atoms[place] = NO_ATOM;
+        for row in [&mut self.values, &mut self.signs, &mut self.target, &mut self.errors] {
+            row.as_flattened_mut()[place] = 0.0;
+        }
+    }
+}
