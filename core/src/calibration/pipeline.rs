@@ -16,7 +16,8 @@ use crate::progress::Observer;
 /// Relative difference of neighbouring lenslets above which a scene shows.
 /// Source: chosen; three captures of an F01 have 0.19 to 0.31, a pattern composed of its captures 0.06, a true white image 0.
 const SCENE: f64 = 0.11;
-/// Relative difference of neighbouring lenslets above which a white image is not even.
+/// Relative difference of neighbouring lenslets above which a white image is not even: pictures are then divided by its mean
+/// micro-image times the broad light of the main lens.
 /// Source: chosen; simulated white images have less than 0.01, with 30 times the usual noise up to 0.07.
 const UNEVEN: f64 = 0.04;
 
@@ -55,11 +56,17 @@ pub fn calibrate(
     equalise::equalise_channels(&mut image);
     let prior_lattice = kept.iter().find_map(|c| c.mla.as_ref());
     let located = locate::locate_lenslets(&mut image, prior_lattice, &options.hot_pixels, observer)?;
-    refuse_scenes(&screened, &located, options, observer)?;
+    let texture = refuse_scenes(&screened, &located, options, observer)?;
     observer.begin("vignetting", 0);
     hot_pixels::fill_hot_pixels(&mut image, &options.hot_pixels);
     let pattern = (!options.without_vignetting).then(|| {
-        vignetting::vignetting_from_white(&image, located.illumination.full_light() * located.profile.at(0.0))
+        let light = &located.illumination;
+        let full = light.full_light();
+        if texture > UNEVEN {
+            vignetting::vignetting_from_pattern(&image, &located.lattice, |x, y| light.broad_at(x, y) / full)
+        } else {
+            vignetting::vignetting_from_white(&image, full * located.profile.at(0.0))
+        }
     });
     drop(image);
     let mut found = assemble(located, pattern, &kept, "white", options);
@@ -68,13 +75,14 @@ pub fn calibrate(
 }
 
 /// Refuses images given as white in which a scene shows: their centres would be good, and every picture divided by them
-/// ruined. A weak one is noted.
+/// ruined. One in which a weak scene shows is noted: its mean micro-image is used. Returns the strongest texture.
 fn refuse_scenes(
     screened: &[Screened],
     located: &LocatedLenslets,
     options: &CalibrationOptions,
     observer: &dyn Observer,
-) -> Result<(), Error> {
+) -> Result<f64, Error> {
+    let mut strongest = 0f64;
     observer.begin("evenness", screened.len() as u64);
     for &(n, capture) in screened {
         let mut image = average::average_captures(std::slice::from_ref(capture), |v| v)?;
@@ -88,14 +96,15 @@ fn refuse_scenes(
             let name = screening::name_of(n, options);
             let percent = 100.0 * texture;
             observer.note(&format!(
-                "{name}: no clean white image: neighbouring lenslets differ by {percent:.0} %, and pictures divided by it will, too; an \
-                 ordinary capture goes with --from-captures"
+                "{name}: no clean white image: neighbouring lenslets differ by {percent:.0} %; pictures are divided by its mean \
+                 micro-image, not by the image itself; ordinary captures go with --from-captures"
             ));
         }
+        strongest = strongest.max(texture);
         observer.advance(1);
         observer.check()?;
     }
-    Ok(())
+    Ok(strongest)
 }
 
 /// Calibrates a camera from ordinary captures: the scenes average out, the lenslets stay. Five captures are typical;

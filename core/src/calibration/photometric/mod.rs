@@ -2,5 +2,6 @@
 
 pub mod equalise;
 pub mod hot_pixels;
+pub mod micro_image;
 pub mod texture;
 pub mod vignetting;

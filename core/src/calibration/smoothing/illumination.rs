@@ -74,8 +74,8 @@ impl Illumination {
         illumination
     }
 
-    /// The polynomial at (`x`, `y`).
-    fn broad_at(&self, x: f64, y: f64) -> f64 {
+    /// The polynomial at (`x`, `y`): the broad shape, without what single cells show.
+    pub fn broad_at(&self, x: f64, y: f64) -> f64 {
         let p = quartic_terms(self.normalised(x, y));
         self.broad.iter().zip(p).map(|(c, p)| c * p).sum::<f64>().max(self.least)
     }
