@@ -5,6 +5,7 @@
 //! Nothing here prints, exits or depends on a command line; errors are typed ([`Error`]). Parallel loops run on the
 //! caller's rayon pool.
 
+pub mod assess;
 pub mod disparity;
 mod error;
 pub mod interpolate;

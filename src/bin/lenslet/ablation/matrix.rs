@@ -16,7 +16,7 @@ use super::chain::{Chain, Training};
 use super::experiment::Experiment;
 use super::method::Method;
 use super::paper;
-use super::settings::Settings;
+use super::settings::{CalibratedBy, Settings};
 use super::simulated_scene::SimulatedScene;
 
 /// What is scored.
@@ -25,7 +25,7 @@ use super::simulated_scene::SimulatedScene;
 pub enum Subject {
     /// A simulated scene with its truth.
     Scene(SimulatedScene),
-    /// A real capture: hidden lenslets.
+    /// A real capture, measured without a ground truth.
     Capture(PathBuf),
     /// Another tool's light field on the truth given with it.
     Peer(String, PathBuf),
@@ -61,6 +61,9 @@ pub struct Run {
     /// SHA-256 of the dictionary, where a method uses one that was not trained for the run.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dictionary: Option<String>,
+    /// What the camera of a real capture is calibrated by.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub calibrated_by: Option<String>,
 }
 
 impl Run {
@@ -109,13 +112,11 @@ pub fn plan(settings: &Settings) -> Result<Vec<Run>> {
                     runs.push(run_of(settings, experiment, &variant, &chain, Subject::Scene(scene), seed));
                 }
             }
-            if can_use_real_captures(experiment) && !settings.whites.is_empty() {
+            if can_use_real_captures(experiment, &settings.calibrated_by) {
                 for capture in &settings.captures {
-                    // Another seed hides other lenslets of the same capture, which changes little: quick runs take one.
-                    for seed in settings.seeds().take(if settings.quick { 1 } else { usize::MAX }) {
-                        let subject = Subject::Capture(capture.clone());
-                        runs.push(run_of(settings, experiment, &variant, &chain, subject, seed));
-                    }
+                    // Nothing is drawn: one seed.
+                    let subject = Subject::Capture(capture.clone());
+                    runs.push(run_of(settings, experiment, &variant, &chain, subject, 1));
                 }
             }
         }
@@ -134,12 +135,18 @@ fn run_of(
     let trained = chain.training.is_some();
     let dictionary = if trained { None } else { settings.dictionaries.of(chain.method).map(|d| d.sha256.clone()) };
     let (variant, chain) = (variant.to_owned(), chain.clone());
-    Run { experiment, variant, chain, subject, seed, sensor: settings.sensor(), dictionary }
+    let calibrated_by = if matches!(subject, Subject::Capture(_)) { settings.calibrated_by.name() } else { None };
+    Run { experiment, variant, chain, subject, seed, sensor: settings.sensor(), dictionary, calibrated_by }
 }
 
-/// Experiments that real captures can answer. Dictionary runs would train for hours.
-fn can_use_real_captures(experiment: Experiment) -> bool {
-    matches!(experiment, Experiment::Calibration | Experiment::Subpixel | Experiment::Resampling)
+/// Experiments that real captures can answer. Dictionary runs would train for hours; a calibration that exists has no
+/// variants.
+fn can_use_real_captures(experiment: Experiment, calibrated_by: &CalibratedBy) -> bool {
+    match experiment {
+        Experiment::Calibration | Experiment::Subpixel => calibrated_by.has_variants(),
+        Experiment::Resampling => *calibrated_by != CalibratedBy::Nothing,
+        _ => false,
+    }
 }
 
 fn scenes(experiment: Experiment, quick: bool) -> Vec<SimulatedScene> {
@@ -279,8 +286,13 @@ mod tests {
         let mut settings = Settings { quick: true, ..Settings::default() };
         let before = plan(&settings).unwrap().len();
         settings.captures = vec!["a.jpg".into()];
-        settings.whites = vec!["w.png".into()];
-        assert!(plan(&settings).unwrap().len() > before);
+        let planned = |calibrated_by| {
+            let settings = Settings { calibrated_by, ..settings.clone() };
+            plan(&settings).unwrap().len()
+        };
+        let whites = planned(CalibratedBy::Whites(vec!["w.png".into()]));
+        let file = planned(CalibratedBy::File("c.calib".into()));
+        assert!(whites > file && file > before && planned(CalibratedBy::Nothing) == before);
         settings.peers = vec![("other".into(), "lf".into())];
         assert!(plan(&settings).unwrap_err().to_string().contains("--truth"));
         settings.truth = Some("truth".into());

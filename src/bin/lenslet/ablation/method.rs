@@ -92,6 +92,11 @@ impl Method {
         }
     }
 
+    /// Whether a view is made of the samples of other views too.
+    pub fn uses_other_views(self) -> bool {
+        matches!(self, Method::Multiview | Method::MultiviewTriangulated | Method::LearnedMultiview(_))
+    }
+
     /// How multi-view samples become pixels.
     pub fn fit(self) -> Fit {
         if self == Method::MultiviewTriangulated { Fit::Triangulation } else { Fit::Smooth }

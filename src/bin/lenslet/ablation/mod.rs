@@ -12,6 +12,7 @@ mod dictionaries;
 mod downsampled;
 mod experiment;
 pub mod matrix;
+mod measured_capture;
 mod method;
 pub mod orderings;
 pub mod page;
@@ -43,7 +44,7 @@ use lenslet_core::progress::Observer;
 use matrix::Run;
 pub use matrix::plan;
 pub use record::Record;
-pub use settings::Settings;
+pub use settings::{CalibratedBy, Settings};
 pub use used_dictionaries::UsedDictionaries;
 
 /// What is written at the end, besides the log and the pictures.

@@ -15,7 +15,7 @@ use crate::report::plot::{Series, line_plot};
 use crate::report::{self, EmbeddedPicture, Page, Stage};
 
 /// Scores that are plotted where an experiment has them.
-const PLOTTED: [&str; 7] = ["psnr_y", "psnr_outer", "ssim", "hidden_psnr", "mtf50", "spurious", "consistency"];
+const PLOTTED: [&str; 7] = ["psnr_y", "psnr_outer", "ssim", "rays_psnr", "mtf50", "spurious", "consistency"];
 /// Largest picture embedded, bytes.
 const MAX_PICTURE: u64 = 4 << 20;
 
@@ -60,7 +60,7 @@ fn orderings(verdicts: &[Verdict]) -> report::Table {
         ]
     };
     report::Table {
-        caption: "PSNR of the middle view's luminance, or of hidden lenslets".into(),
+        caption: "PSNR of the middle view's luminance, or at the rays or raw pixels of real captures".into(),
         head: ["experiment", "subject", "this", "over this", "margin dB", "least dB", ""].map(String::from).to_vec(),
         rows: verdicts.iter().map(row).collect(),
         best: Vec::new(),

@@ -239,6 +239,7 @@ mod tests {
             seed,
             sensor: 100,
             dictionary: None,
+            calibrated_by: None,
         }
     }
 

@@ -25,7 +25,7 @@ pub(super) struct Rendered {
 }
 
 /// What the runs of one capture share. [`RenderCache::enter`] comes before a run of another capture, or of the same
-/// with other lenslets hidden.
+/// by another calibration.
 #[derive(Default)]
 pub(super) struct RenderCache {
     capture: String,
@@ -37,7 +37,7 @@ pub(super) struct RenderCache {
 }
 
 impl RenderCache {
-    /// Drops whatever is not of this capture and this part of its lenslets.
+    /// Drops whatever is not of this capture and this part.
     pub(super) fn enter(&mut self, capture: &str, part: &str) {
         if self.capture != capture {
             *self = RenderCache { capture: capture.to_owned(), ..RenderCache::default() };
@@ -60,6 +60,11 @@ impl RenderCache {
         };
         Ok((&self.samples.insert(samples).1, &mut self.views))
     }
+}
+
+/// Keeps views made elsewhere, as if [`render`] had made them.
+pub(super) fn keep_views(kept: &mut HashMap<String, Rendered>, steps: &str, method: Method, images: Vec<Array3<f32>>) {
+    kept.insert(format!("{steps} {}", method.name()), Rendered { images, seconds: 0.0 });
 }
 
 /// The method whose views a learned method starts from; of any other method itself.
@@ -200,7 +205,7 @@ mod tests {
             view(&mut kept, steps, Method::Cubic);
         }
         assert_eq!(kept.views.len(), 4);
-        kept.enter("one", "other lenslets hidden");
+        kept.enter("one", "another calibration");
         assert!(kept.views.is_empty() && kept.samples.is_some());
         view(&mut kept, "b", Method::Barycentric);
         kept.enter("another", "");

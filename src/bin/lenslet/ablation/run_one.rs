@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
-use lenslet_core::decode::{self, ViewStep};
+use lenslet_core::calibration::CalibrationVariant;
+use lenslet_core::decode::{self, HexSamples};
 use lenslet_core::dictionary::Dictionary;
 use lenslet_core::digest::sha256_hex;
 use lenslet_core::geometry::Size;
@@ -15,19 +16,16 @@ use ndarray::Array3;
 use super::chain::Chain;
 use super::experiment::Experiment;
 use super::matrix::{Run, Subject};
+use super::measured_capture::{MeasuredCapture, WITHHELD};
 use super::method::Method;
 use super::real_capture::RealCaptures;
 use super::record::Scored;
-use super::render::{RenderCache, render};
+use super::render::{RenderCache, keep_views, render};
 use super::settings::Settings;
 use super::simulated_capture::SimulatedCaptures;
 use super::simulated_scene::SimulatedScene;
 use super::{crops, dictionaries, peers, scores};
-use lenslet_views::multiview;
 
-/// Share of lenslets hidden on real captures.
-/// Source: chosen.
-const HIDDEN: f64 = 0.1;
 /// Longer side of real captures' views, pixels.
 /// Source: paper section 4.
 const SIDE: usize = 1080;
@@ -37,6 +35,7 @@ pub(super) struct Caches {
     simulated: SimulatedCaptures,
     real: RealCaptures,
     rendered: RenderCache,
+    measured: MeasuredCapture,
 }
 
 impl Caches {
@@ -45,6 +44,7 @@ impl Caches {
             simulated: SimulatedCaptures::new(settings),
             real: RealCaptures::default(),
             rendered: RenderCache::default(),
+            measured: MeasuredCapture::default(),
         }
     }
 }
@@ -115,7 +115,7 @@ fn run_simulated(
     Ok(scored)
 }
 
-/// A real capture, scored on hidden lenslets.
+/// A real capture, measured without a ground truth.
 fn run_captured(
     run: &Run,
     path: &Path,
@@ -125,34 +125,43 @@ fn run_captured(
     observer: &dyn Observer,
 ) -> Result<Scored> {
     let chain = &run.chain;
-    let Caches { real, rendered, .. } = caches;
+    let Caches { real, rendered, measured, .. } = caches;
     let mut scored = Scored::default();
-    let (capture, calibration) = real.get(path, &settings.whites, chain.calibration, observer)?;
+    if matches!(run.experiment, Experiment::Calibration | Experiment::Subpixel) {
+        let (capture, all) = real.get(path, &settings.calibrated_by, &CalibrationVariant::ALL, observer)?;
+        let scores = measured.calibration_scores(path, capture, &all, SIDE, observer)?;
+        let at = CalibrationVariant::ALL.iter().position(|v| *v == chain.calibration).unwrap_or_default();
+        scored.scores.extend(scores[at].clone());
+    }
+    let (capture, calibrations) = real.get(path, &settings.calibrated_by, &[chain.calibration], observer)?;
     let target = Size::new(capture.mosaic.width, capture.mosaic.height).with_longer_side(SIDE);
     let middle = chain.views / 2;
     let wanted = [(middle, middle)];
     let dictionary = settings.dictionaries.of(chain.method).map(|d| &d.dictionary);
     let steps = steps_to_samples(chain)?;
-    rendered.enter(&path.to_string_lossy(), &run.seed.to_string());
+    rendered.enter(&path.to_string_lossy(), chain.calibration.name());
     let mut options = decode_options(chain);
-    // The steps on samples that `decode` takes for this capture, but scores are of linear light.
+    // The steps on samples that `decode` takes for this capture.
     options.steps.view = decode::steps_for(capture).view;
-    options.steps.view.retain(|s| *s != ViewStep::Gamut);
     let (samples, kept) =
-        rendered.decoded(&steps, || Ok(decode::sample_views(capture, calibration, &options, observer)?))?;
-    let mut image = None;
-    let score = multiview::hidden_score::<anyhow::Error>(samples, &target, HIDDEN, run.seed, wanted[0], &mut |rest| {
-        let mut made = render((&steps, rest), &target, chain.method, &wanted, dictionary, kept, observer)?;
-        scored.step_seconds = made.seconds;
-        let view = made.images.pop().context("no view was rendered")?;
-        Ok(image.insert(view).clone())
-    })?;
-    scored.scores.insert("hidden_psnr".into(), score.psnr);
-    if let Some(image) = image.filter(|_| run.seed == 1) {
-        let crop = crops::corner_in_capture(&capture.mosaic, (target.width, target.height));
-        scored.pictures = crops::save_crops(out, &run.key(), &image, None, crop)?;
+        rendered.decoded(&steps, || Ok(decode::sample_views(capture, calibrations[0], &options, observer)?))?;
+    let mut made = render((&steps, samples), &target, chain.method, &wanted, dictionary, kept, observer)?;
+    scored.step_seconds = made.seconds;
+    let image = made.images.pop().context("no view was rendered")?;
+    if run.experiment == Experiment::Resampling {
+        let methods = measured.method_measures(path, samples, &target, observer)?;
+        let mut again = |steps: &str, samples: &HexSamples| -> Result<Array3<f32>> {
+            if steps == WITHHELD {
+                keep_views(kept, steps, Method::Multiview, vec![methods.refined_withheld()]);
+            }
+            let mut made = render((steps, samples), &target, chain.method, &wanted, dictionary, kept, observer)?;
+            made.images.pop().context("no view was rendered")
+        };
+        scored.scores.extend(methods.scores_of(samples, &image, chain.method.uses_other_views(), &mut again)?);
     }
-    scored.hashes = real.hashes(&settings.whites);
+    let crop = crops::corner_in_capture(&capture.mosaic, (target.width, target.height));
+    scored.pictures = crops::save_crops(out, &run.key(), &image, None, crop)?;
+    scored.hashes = real.hashes(&settings.calibrated_by);
     Ok(scored)
 }
 

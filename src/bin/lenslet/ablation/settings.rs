@@ -5,6 +5,48 @@ use std::path::PathBuf;
 use super::experiment::Experiment;
 use super::used_dictionaries::UsedDictionaries;
 
+/// What a real camera is calibrated by.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub enum CalibratedBy {
+    /// There is no real camera.
+    #[default]
+    Nothing,
+    /// White images.
+    Whites(Vec<PathBuf>),
+    /// Ordinary captures.
+    Captures(Vec<PathBuf>),
+    /// A calibration that exists: it has no variants to compare.
+    File(PathBuf),
+}
+
+impl CalibratedBy {
+    /// The files it is made from.
+    pub fn files(&self) -> &[PathBuf] {
+        match self {
+            CalibratedBy::Nothing => &[],
+            CalibratedBy::Whites(files) | CalibratedBy::Captures(files) => files,
+            CalibratedBy::File(file) => std::slice::from_ref(file),
+        }
+    }
+
+    /// Whether variants of it can be made.
+    pub fn has_variants(&self) -> bool {
+        matches!(self, CalibratedBy::Whites(_) | CalibratedBy::Captures(_))
+    }
+
+    /// Kind and names of the files, never where they lie; none without a real camera.
+    pub fn name(&self) -> Option<String> {
+        let kind = match self {
+            CalibratedBy::Nothing => return None,
+            CalibratedBy::Whites(_) => "white images",
+            CalibratedBy::Captures(_) => "captures",
+            CalibratedBy::File(_) => "calibration",
+        };
+        let names = self.files().iter().filter_map(|f| Some(f.file_name()?.to_string_lossy().into_owned()));
+        Some(format!("{kind} {}", names.collect::<Vec<_>>().join(", ")))
+    }
+}
+
 /// Which experiments to run, and on which data.
 #[derive(Debug, Clone, Default)]
 pub struct Settings {
@@ -14,9 +56,9 @@ pub struct Settings {
     pub quick: bool,
     /// Number of seeds of the simulated cameras and scenes; their spread is reported. 0: the default, 3 (quick: 2).
     pub seeds: u64,
-    /// White images of a real camera (or one pattern composed of its captures).
-    pub whites: Vec<PathBuf>,
-    /// Captures of that camera, scored by hidden lenslets.
+    /// What a real camera is calibrated by.
+    pub calibrated_by: CalibratedBy,
+    /// Captures of that camera, measured without a ground truth.
     pub captures: Vec<PathBuf>,
     /// The dictionaries of the learned methods.
     pub dictionaries: UsedDictionaries,

@@ -24,7 +24,7 @@ pub struct Score {
 }
 
 /// All scores, in the order of columns.
-pub const SCORES: [Score; 18] = [
+pub const SCORES: [Score; 28] = [
     score("psnr", "PSNR dB", "colour, middle view, sRGB-encoded, 12 px border left out", 2, 1),
     score("psnr_y", "PSNR Y dB", "luminance, middle view, sRGB-encoded, 12 px border left out", 2, 1),
     score(
@@ -59,7 +59,41 @@ pub const SCORES: [Score; 18] = [
         3,
         -1,
     ),
-    score("hidden_psnr", "hidden dB", "a tenth of the lenslets hidden, predicted from the rest, linear light", 2, 1),
+    score(
+        "rays_psnr",
+        "rays dB",
+        "real captures: samples of other views between the view's own (docs/assessing.md)",
+        2,
+        1,
+    ),
+    score("rays_over", "over barycentric dB", "the same over the barycentric view", 2, 1),
+    score("rays_over_error", "±", "its standard error", 2, 0),
+    score(
+        "edges_mtf50",
+        "edges MTF50 c/px",
+        "real captures: edges of the scene, median; only beside their roughness",
+        3,
+        0,
+    ),
+    score("edges_rough", "edges rough px", "RMS distance of these edges from smooth curves, median", 3, 0),
+    score(
+        "lines_rough",
+        "lines rough px",
+        "real captures: RMS distance of thin lines from straight ones, median",
+        3,
+        -1,
+    ),
+    score("lines_width", "lines width px", "full width at half maximum of these lines, median", 2, 0),
+    score(
+        "holes_psnr",
+        "holes dB",
+        "lenslets hidden and filled by their neighbours' mean; biased, judges nothing",
+        2,
+        0,
+    ),
+    score("raw_over", "raw dB", "real captures: raw pixels foretold, over the full calibration", 2, 1),
+    score("raw_over_error", "±", "its standard error", 2, 0),
+    score("raw_rms", "raw RMS", "the error of these raw pixels, digital numbers", 2, -1),
     score("centres_rms", "centres px", "RMS distance of lenslet centres from the truth, sensor pixels", 4, -1),
     score("align_px", "moved px", "how far the alignment moves the middle of the picture, pixels of the truth", 2, 0),
     score("align_scale", "scaled", "how much larger the alignment makes it than the same field of view would", 4, 0),

@@ -3,7 +3,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::ablation::{self, Experiment, Record, Settings, UsedDictionaries, compare, orderings, page, record, table};
+use crate::ablation::{
+    self, CalibratedBy, Experiment, Record, Settings, UsedDictionaries, compare, orderings, page, record, table,
+};
 use lenslet_core::output::{self, Kind};
 use serde_json::json;
 
@@ -14,7 +16,7 @@ use super::{Context, Outcome, Usage, dict};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Example: lenslet ablate --out ablation/ --quick --check
-         lenslet ablate --out ablation/ --experiment resampling --whites white.png --captures IMG_4.jpg
+         lenslet ablate --out ablation/ --experiment resampling --calibration cam.calib --captures IMG_4.jpg
 
 Experiments: calibration, subpixel, resampling, paper, dictionary, noise, demosaic, vignetting, views, peers (with --peer and
 --truth). A run that was interrupted goes on where it stopped. Writes runs.jsonl (a line a run), tables.json, tables.csv,
@@ -33,10 +35,16 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100))]
     seeds: Option<u64>,
     /// White images of a real camera
-    #[arg(long, value_name = "FILE", num_args = 1.., requires = "captures")]
+    #[arg(long, value_name = "FILE", num_args = 1.., requires = "captures", group = "calibrated_by")]
     whites: Vec<PathBuf>,
-    /// Captures of that camera, scored by hidden lenslets
-    #[arg(long, value_name = "FILE", num_args = 1.., requires = "whites")]
+    /// Captures to calibrate a real camera from, instead of white images
+    #[arg(long, value_name = "FILE", num_args = 1.., requires = "captures", group = "calibrated_by")]
+    from_captures: Vec<PathBuf>,
+    /// A calibration of a real camera instead of white images; it has no variants, so that only methods are compared
+    #[arg(long, value_name = "CAM.calib", requires = "captures", group = "calibrated_by")]
+    calibration: Option<PathBuf>,
+    /// Captures of that camera, measured without a ground truth (docs/assessing.md)
+    #[arg(long, value_name = "FILE", num_args = 1.., requires = "calibrated_by")]
     captures: Vec<PathBuf>,
     /// Dictionaries (names or files) to use instead of the embedded ones for the views that they were trained on
     #[arg(long, value_name = "NAME|FILE", num_args = 1..)]
@@ -76,13 +84,24 @@ fn parse_peer(text: &str) -> Result<(String, PathBuf), String> {
     }
 }
 
+impl Args {
+    fn calibrated_by(&self) -> CalibratedBy {
+        match &self.calibration {
+            Some(file) => CalibratedBy::File(file.clone()),
+            None if !self.from_captures.is_empty() => CalibratedBy::Captures(self.from_captures.clone()),
+            None if !self.whites.is_empty() => CalibratedBy::Whites(self.whites.clone()),
+            None => CalibratedBy::Nothing,
+        }
+    }
+}
+
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let given = args.dictionary.iter().map(|name| dict::find(name)).collect::<anyhow::Result<_>>()?;
     let settings = Settings {
         experiments: args.experiment.clone(),
         quick: args.quick,
         seeds: args.seeds.unwrap_or(0),
-        whites: args.whites.clone(),
+        calibrated_by: args.calibrated_by(),
         captures: args.captures.clone(),
         dictionaries: UsedDictionaries::new(given)?,
         photos: args.photos.clone(),
@@ -95,8 +114,8 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     // Before the work rather than after it.
     check_folder_name(&args.out)?;
     if let Some(path) = &args.results {
-        let mut inputs: Vec<&Path> =
-            args.whites.iter().chain(&args.captures).chain(&args.photos).map(PathBuf::as_path).collect();
+        let mut inputs: Vec<&Path> = args.captures.iter().chain(&args.photos).map(PathBuf::as_path).collect();
+        inputs.extend(settings.calibrated_by.files().iter().map(PathBuf::as_path));
         inputs.extend(args.truth.as_deref().into_iter().chain(args.against.as_deref()));
         inputs.extend(args.peer.iter().map(|p| p.1.as_path()));
         output::check_target(path, Kind::File, args.force, &inputs)?;
@@ -210,9 +229,9 @@ fn results_page(tables: &[table::Table], verdicts: &[orderings::Verdict], about:
     for line in about {
         out += &format!("- {line}\n");
     }
-    out += "\n## Orderings\n\nMargins are means of paired differences (PSNR of luminance, or of hidden lenslets), ± their standard deviation over \
-            seeds. One holds where the mean is above 0.005 dB and above two standard errors; `--check` fails where it is not \
-            above the least margin given.\n\n";
+    out += "\n## Orderings\n\nMargins are means of paired differences (PSNR of luminance, or at rays and raw pixels of real captures), ± their standard \
+            deviation over seeds. One holds where the mean is above 0.005 dB and above two standard errors; `--check` fails where \
+            it is not above the least margin given.\n\n";
     out += "| experiment | subject | this | over this | margin dB | least dB | |\n|---|---|---|---|--:|--:|---|\n";
     for v in verdicts {
         let verdict = if v.holds { "holds".into() } else { format!("**{}**", v.name()) };

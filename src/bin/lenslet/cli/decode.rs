@@ -29,7 +29,7 @@ use super::source::file_name;
 use super::values::FitName;
 use super::written::{Written, kind_of};
 use super::{Context, Outcome, Usage, dict};
-use choose::CalibrationStore;
+pub(super) use choose::CalibrationStore;
 use inputs::Job;
 
 /// Decode captures to light fields

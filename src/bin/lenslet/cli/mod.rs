@@ -1,6 +1,7 @@
 //! The command line: one file a command; what is printed and the exit code are decided here.
 
 mod ablate;
+mod assess;
 mod belong;
 mod budget;
 mod calibrate;
@@ -79,6 +80,7 @@ enum Command {
     Infer(infer::Args),
     Score(score::Args),
     Ablate(ablate::Args),
+    Assess(assess::Args),
     Refocus(refocus::Args),
     Depth(depth::Args),
     Viewpoint(viewpoint::Args),
@@ -111,6 +113,7 @@ fn dispatch(command: &Command, context: &Context) -> anyhow::Result<Outcome> {
         Command::Infer(a) => infer::run(a, context),
         Command::Score(a) => score::run(a, context),
         Command::Ablate(a) => ablate::run(a, context),
+        Command::Assess(a) => assess::run(a, context),
         Command::Refocus(a) => refocus::run(a, context),
         Command::Depth(a) => depth::run(a, context),
         Command::Viewpoint(a) => viewpoint::run(a, context),
