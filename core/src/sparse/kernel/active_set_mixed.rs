@@ -93,7 +93,7 @@ impl Kernel for SolveMixed<'_> {
         }
         let energy = lanes.wide_sum(energy);
         let keep_signs = !without_penalty;
-        let (mut rounds, mut quiet) = (problem.rounds, 0);
+        let (mut rounds, mut quiet, mut restarted) = (problem.rounds, 0, false);
         // That of the steps down to the problem's λ.
         let mut lambda = problem.first_lambda.max(problem.lambda);
         let finished =
@@ -108,6 +108,18 @@ impl Kernel for SolveMixed<'_> {
         }
         loop {
             let found = scratch.price(lanes, &problem);
+            // Worse than no code at all: the inverse has lost its accuracy. Once more from nothing.
+            let objective = 0.5 * found.rr + problem.lambda * scratch.support.norm1();
+            if objective.is_nan() || objective > 0.5005 * energy {
+                if restarted || rounds >= problem.max_rounds {
+                    return None;
+                }
+                restarted = true;
+                scratch.support.clear();
+                scratch.find_residual(lanes, &problem);
+                lambda = (energy.sqrt() / CONTINUATION).max(problem.lambda);
+                continue;
+            }
             let entering = found.entering.filter(|e| e.1.abs() > lambda + found.rounding);
             if entering.is_none() && lambda > problem.lambda {
                 lambda = (lambda / CONTINUATION).max(problem.lambda);
