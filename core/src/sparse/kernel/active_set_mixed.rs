@@ -23,7 +23,7 @@ const MOST_CORRECTIONS: u32 = 4;
 
 /// λ is divided by this on the way from where f32 stopped to the λ of the problem.
 ///
-/// Source: measured; 3 takes as many rounds within 4 %.
+/// Source: chosen.
 pub(crate) const CONTINUATION: f64 = 10.0;
 
 /// One signal's problem, and where the f32 active set stopped.
