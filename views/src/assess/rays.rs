@@ -255,7 +255,7 @@ fn foretelling_rays(samples: &HexSamples, size: &Size, disparity: &Array2<f32>) 
     let is_used = |&k: &usize| {
         let [u, v] = in_pitches(k);
         let longer = u.max(v);
-        longer >= OFFSETS[0] && longer <= OFFSETS[1] && u + v <= OFFSETS[2] && samples.weights[k] > 0.0
+        (OFFSETS[0]..=OFFSETS[1]).contains(&longer) && u + v <= OFFSETS[2] && samples.weights[k] > 0.0
     };
     let of_view = |k: usize| {
         let steps = view_steps(samples, k);

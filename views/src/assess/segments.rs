@@ -97,7 +97,7 @@ mod tests {
 
     #[test]
     fn a_curve_is_followed() {
-        let points: Vec<[f64; 2]> = (0..26).map(|k| f64::from(k)).map(|k| [10.0 + k, 20.0 + 0.3 * k]).collect();
+        let points: Vec<[f64; 2]> = (0..26).map(f64::from).map(|k| [10.0 + k, 20.0 + 0.3 * k]).collect();
         let s = Segment::through(&points, 2, 0.1).unwrap();
         let [x, y] = s.place(3.0, 0.0);
         assert!((y - 20.0 - 0.3 * (x - 10.0)).abs() < 1e-9 && s.positions().len() >= 26);
