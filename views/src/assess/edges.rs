@@ -314,7 +314,7 @@ mod tests {
     #[test]
     fn blur_lowers_the_mtf_and_jags_raise_roughness() {
         let edges = Edges::find_on(&gaussian(&encoded_light(discs(0.9, 0.0).view()), 1.0));
-        assert!(edges.count() >= 12, "{}", edges.count());
+        assert!(edges.count() >= 8, "{}", edges.count());
         let of = |sigma, jag| {
             let m = edges.measure(discs(sigma, jag).view());
             (m.median_mtf50().unwrap().median, m.median_rough().unwrap().median, m)
@@ -322,8 +322,10 @@ mod tests {
         let (sharp, smooth, clean) = of(0.9, 0.0);
         let (soft, _, blurred) = of(1.8, 0.0);
         let (_, rough, jagged) = of(0.9, 0.4);
-        // A Gaussian edge of standard deviation σ: MTF50 = 0.1874/σ.
-        assert!((sharp - 0.1874 / 0.9).abs() < 0.04 && (soft - 0.1874 / 1.8).abs() < 0.02, "{sharp} {soft}");
+        // A Gaussian edge of standard deviation σ: MTF50 = 0.1874/σ; the window takes the ends of a wide one away.
+        let of_gaussian = |sigma: f64| 0.1874 / sigma;
+        assert!((sharp - of_gaussian(0.9)).abs() < 0.02, "{sharp}");
+        assert!(soft > of_gaussian(1.8) && soft < of_gaussian(1.8) + 0.045, "{soft}");
         assert!(smooth < 0.05 && rough > 2.0 * smooth, "{smooth} {rough}");
         let (sharper, _) = clean.over(&blurred).unwrap();
         let (_, rougher) = jagged.over(&clean).unwrap();

@@ -132,8 +132,8 @@ mod tests {
         let grid = Grid::around(side, side, kernel.radius() + 3, basis);
         let (n, views) = (side / 2, 5usize);
         let scene = |x: f32, y: f32| 0.5 + 0.2 * (0.4 * x).sin() * (0.3 * y).cos();
-        // Shine on one side of the last view.
-        let shine = |view: usize, x: f32| if view == views - 1 { 0.04 * (x / side as f32) } else { 0.0 };
+        // Shine on one side of the last view, a few usual residuals.
+        let shine = |view: usize, x: f32| if view == views - 1 { 0.006 * (x / side as f32) } else { 0.0 };
         let (mut rows, mut parts, mut values): (Vec<Row>, Vec<ViewRows>, Vec<[f32; 4]>) = Default::default();
         for view in 0..views {
             let first = rows.len();
@@ -168,9 +168,9 @@ mod tests {
             }
             (sum / (n * n) as f32).sqrt()
         };
-        assert!(rms(&equal) < 0.4 * rms(&values), "{} {}", rms(&equal), rms(&values));
+        assert!(rms(&equal) < 0.65 * rms(&values), "{} {}", rms(&equal), rms(&values));
         assert_eq!(equal[..n * n], values[..n * n], "the target's own samples stay");
         let moved = |k: usize| (equal[k][0] - values[k][0]).abs();
-        assert!((n * n..last).map(moved).fold(0.0, f32::max) < 0.02, "the other views hardly change");
+        assert!((n * n..last).map(moved).fold(0.0, f32::max) < 0.003, "the other views hardly change");
     }
 }
