@@ -2,8 +2,8 @@
 //! `cargo run --release --example enlargement -- LIGHT_FIELD --scale 2 --crop 120,120,264`. Each view's luminance is averaged
 //! over squares of `scale` pixels; every view is then enlarged by bicubic interpolation, by least squares with samples for
 //! points, and by the joint fit. With `--pitch 3.29` in place of the scale, samples are means over discs of one pitch on a
-//! hexagonal lattice, in linear light, as lenslets gather them, and a view alone is interpolated by cubics. Prints one JSON object: PSNR of luminance (dB) over all views, 15 pixels of border left
-//! out: mean, middle and worst view; seconds.
+//! hexagonal lattice, in linear light, as lenslets gather them, and a view alone is interpolated by cubics. Prints one JSON
+//! object: PSNR of luminance (dB) over all views, 15 pixels of border left out: mean, middle and worst view; seconds.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -17,7 +17,7 @@ use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{self, ColourSpace, LightField, Meta, ReadOptions};
 use lenslet_core::progress::Silent;
 use lenslet_core::random::standard_normal;
-use lenslet_core::sampling::{DEFAULT_ROTATION, Footprint, bicubic, lattice_samples};
+use lenslet_core::sampling::{DEFAULT_ROTATION, Footprint, bicubic};
 use lenslet_views::InterpolatedViews;
 use lenslet_views::multiview::{Fit, Options, RefinedViews, SampleSet};
 use ndarray::{Array3, Array5, s};
@@ -115,30 +115,15 @@ fn squares(truth: &Array5<f32>, scale: usize) -> LightField {
 /// Means over discs of one pitch around the points of a hexagonal lattice, in linear light, with noise of the encoded
 /// values.
 fn lenslets(truth: &Array5<f32>, arguments: &Arguments, pitch: f64) -> anyhow::Result<HexSamples> {
-    let (n, _, side, ..) = truth.dim();
-    let (mut points, mut values) = (None, Vec::new());
-    for view in 0..n * n {
-        let linear = truth.slice(s![view / n, view % n, .., .., ..]).mapv(srgb_decode);
-        let disc = Footprint::Disc(pitch);
-        let (placed, found) = lattice_samples(linear.view(), pitch, DEFAULT_ROTATION, [0.31, 0.47], disc)?;
-        values.extend(found);
-        points = Some(placed);
-    }
-    let points = points.context("there are no views")?;
+    let linear = truth.mapv(srgb_decode);
+    let disc = Footprint::Disc(pitch);
+    let mut samples = HexSamples::of_views(linear.view(), pitch, DEFAULT_ROTATION, [0.31, 0.47], disc)?;
     let mut generator = ChaCha8Rng::seed_from_u64(5);
-    for value in &mut values {
+    for value in &mut samples.values {
         let noise = arguments.noise * standard_normal(&mut generator) as f32;
         *value = srgb_decode((srgb_encode(*value) + noise).max(0.0));
     }
-    Ok(HexSamples {
-        sensor: (side, side),
-        values: Array3::from_shape_vec((n * n, points.centres.len(), 1), values)?,
-        centres: points.centres,
-        index: points.index,
-        views: n,
-        view_step: 1.0,
-        weights: vec![1.0; n * n],
-    })
+    Ok(samples)
 }
 
 impl Fewer {

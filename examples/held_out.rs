@@ -25,7 +25,7 @@ use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{self, ColourSpace, LightField, ReadOptions, colour};
 use lenslet_core::metrics::{BORDER, Scores, Window};
 use lenslet_core::progress::Silent;
-use lenslet_core::sampling::{DEFAULT_PITCH, DEFAULT_ROTATION, Footprint, lattice_samples};
+use lenslet_core::sampling::{DEFAULT_PITCH, DEFAULT_ROTATION, Footprint};
 use lenslet_data_gen::simulate::{self, Camera, SimulationOptions};
 use lenslet_views::reconstruct::{Mode, Options, embedded_dictionary_for};
 use lenslet_views::{LearnedViews, RenderSamples as _};
@@ -127,20 +127,11 @@ fn whole_square(field: &LightField) -> anyhow::Result<usize> {
 
 /// The middle views of a light field, sampled on a hexagonal lattice.
 fn sampled(field: &LightField, views: usize, seed: u64) -> anyhow::Result<HexSamples> {
-    let (rows, _, height, width, channels) = field.data.dim();
-    let first = (rows - views) / 2;
+    let first = (field.meta.views[0] - views) / 2;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let phase = [rng.random::<f64>(), rng.random::<f64>()];
-    let (mut centres, mut index, mut values) = (Vec::new(), Vec::new(), Vec::new());
-    for (v, u) in (0..views * views).map(|k| (first + k / views, first + k % views)) {
-        let view = field.data.slice(s![v, u, .., .., ..]);
-        let (placed, found) = lattice_samples(view, DEFAULT_PITCH, DEFAULT_ROTATION, phase, Footprint::Bilinear)?;
-        (centres, index) = (placed.centres, placed.index);
-        values.extend(found);
-    }
-    let values = Array3::from_shape_vec((views * views, centres.len(), channels), values)?;
-    let weights = vec![1.0; views * views];
-    Ok(HexSamples { sensor: (width, height), centres, index, views, view_step: 1.0, weights, values })
+    let middle = field.data.slice(s![first..first + views, first..first + views, .., .., ..]);
+    Ok(HexSamples::of_views(middle, DEFAULT_PITCH, DEFAULT_ROTATION, phase, Footprint::Bilinear)?)
 }
 
 /// Captures of a light field rendered by others; its name says how many views were used.

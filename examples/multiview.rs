@@ -17,11 +17,11 @@ use lenslet::apps::depth;
 use lenslet_core::decode::HexSamples;
 use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
-use lenslet_core::lightfield::{self, ColourSpace, LightField, ReadOptions, View, colour};
+use lenslet_core::lightfield::{self, ColourSpace, ReadOptions, View, colour};
 use lenslet_core::metrics::{self, BORDER, Scores, Window};
 use lenslet_core::pfm;
 use lenslet_core::progress::Silent;
-use lenslet_core::sampling::{DEFAULT_PITCH, DEFAULT_ROTATION, Footprint, lattice_samples};
+use lenslet_core::sampling::{DEFAULT_PITCH, DEFAULT_ROTATION, Footprint};
 use lenslet_views::multiview::{self, Options, RefinedViews, SampleSet};
 use lenslet_views::{InterpolatedViews, LearnedViews, Method, RenderSamples as _, reconstruct};
 use ndarray::{Array2, Array3, s};
@@ -199,31 +199,6 @@ fn simulated(truth: &Path, samples: &Path, a: &Arguments) -> anyhow::Result<Valu
     }))
 }
 
-/// Samples of every view of a light field at the places of one hexagonal lattice, linear light.
-fn sampled(field: &LightField, pitch: f64) -> anyhow::Result<HexSamples> {
-    let (rows, columns, height, width, channels) = field.data.dim();
-    ensure!(rows == columns && rows % 2 == 1, "{rows}x{columns} views; a square, odd number is needed");
-    let (mut centres, mut index, mut values) = (Vec::new(), Vec::new(), Vec::new());
-    for v in 0..rows {
-        for u in 0..columns {
-            let view = field.data.slice(s![v, u, .., .., ..]);
-            let (placed, found) = lattice_samples(view, pitch, DEFAULT_ROTATION, [0.31, 0.47], Footprint::Bilinear)?;
-            (centres, index) = (placed.centres, placed.index);
-            values.extend(found);
-        }
-    }
-    let values = Array3::from_shape_vec((rows * columns, centres.len(), channels), values)?;
-    Ok(HexSamples {
-        sensor: (width, height),
-        centres,
-        index,
-        views: rows,
-        view_step: 1.0,
-        weights: vec![1.0; rows * rows],
-        values,
-    })
-}
-
 fn resampled(path: &Path, pitch: f64, truth_disparity: Option<&Path>, a: &Arguments) -> anyhow::Result<Value> {
     let mut field = lightfield::load(path, &ReadOptions::default())?;
     let wanted = scored(field.meta.views[0]);
@@ -235,7 +210,10 @@ fn resampled(path: &Path, pitch: f64, truth_disparity: Option<&Path>, a: &Argume
     }
     colour::convert(&mut field.data, field.meta.colour, ColourSpace::Linear);
     field.meta.colour = ColourSpace::Linear;
-    let samples = sampled(&field, pitch)?;
+    let (rows, columns, ..) = field.data.dim();
+    ensure!(rows == columns && rows % 2 == 1, "{rows}x{columns} views; a square, odd number is needed");
+    let seen = Footprint::Bilinear;
+    let samples = HexSamples::of_views(field.data.view(), pitch, DEFAULT_ROTATION, [0.31, 0.47], seen)?;
     let target = Size { width: samples.sensor.0, height: samples.sensor.1 };
     let rendered = render(&samples, &target, &wanted)?;
     save(&rendered, Some(&truths[0]), &samples, a)?;

@@ -1,6 +1,8 @@
 //! Hexagonal samples: what decoding produces and resampling starts from.
 
-use ndarray::{Array3, ArrayView2, Axis};
+use ndarray::{Array3, ArrayView2, ArrayView5, Axis};
+
+use crate::sampling::{self, Footprint, lattice_samples};
 
 /// Hexagonal samples: one value per lenslet for each view, before any resampling. Linear light.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,6 +27,47 @@ pub struct HexSamples {
 }
 
 impl HexSamples {
+    /// What a lenslet camera would have sampled of the views (v, u, t, s, c) of a light field, rows as many as columns and
+    /// one channel or three: each at the points of one hexagonal lattice ([`lattice_samples`]). The views' pixels are the
+    /// sensor's.
+    ///
+    /// # Errors
+    /// As [`lattice_samples`]; [`sampling::Error::Parameter`] for other numbers of views.
+    ///
+    /// ```
+    /// use lenslet_core::decode::HexSamples;
+    /// use lenslet_core::sampling::Footprint;
+    /// let views = ndarray::Array5::from_shape_fn((3, 3, 20, 30, 1), |(v, u, _, s, _)| (100 * (3 * v + u) + s) as f32);
+    /// let samples = HexSamples::of_views(views.view(), 3.3, 0.0, [0.0; 2], Footprint::Point)?;
+    /// let middle = samples.index.iter().position(|&k| k == [0, 0]).unwrap();
+    /// assert!((samples.view(1, 2)[[middle, 0]] - 514.5).abs() < 1e-3);
+    /// # Ok::<(), lenslet_core::sampling::Error>(())
+    /// ```
+    pub fn of_views(
+        views: ArrayView5<'_, f32>,
+        pitch: f64,
+        rotation: f64,
+        phase: [f64; 2],
+        footprint: Footprint,
+    ) -> Result<Self, sampling::Error> {
+        let (rows, columns, height, width, channels) = views.dim();
+        if rows != columns || rows == 0 {
+            return Err(sampling::Error::Parameter(format!(
+                "{rows}x{columns} views: as many rows as columns are needed"
+            )));
+        }
+        let (mut centres, mut index, mut found) = (Vec::new(), Vec::new(), Vec::new());
+        for view in views.outer_iter().flat_map(|row| row.into_outer_iter()) {
+            let (points, values) = lattice_samples(view, pitch, rotation, phase, footprint)?;
+            (centres, index) = (points.centres, points.index);
+            found.push(values);
+        }
+        let shape = (rows * columns, centres.len(), channels);
+        let values = Array3::from_shape_fn(shape, |(view, lenslet, channel)| found[view][[lenslet, channel]]);
+        let weights = vec![1.0; rows * columns];
+        Ok(HexSamples { sensor: (width, height), centres, index, views: rows, view_step: 1.0, weights, values })
+    }
+
     /// Index of view (v, u) in `values` and `weights`: row v and column u from the top left, both in `0..n`; the
     /// middle view is (n/2, n/2).
     ///
