@@ -22,12 +22,13 @@ pub enum Basis {
 
 impl Basis {
     /// Cubic for footprints of about two pixels, whose picture has detail close to the limit of the pixels; fewer pixels
-    /// for larger ones.
+    /// for larger ones. A disc of 3.29 pixels loses 0.03 to 0.06 dB by bilinear interpolation, a box of three pixels 0.1
+    /// to 0.3 dB.
     #[must_use]
     pub fn for_footprint(footprint: &SampleFootprint) -> Self {
         match footprint.reach() {
             r if r < 1.25 => Basis::Cubic,
-            r if r < 4.0 => Basis::Quadratic,
+            r if r < 1.6 => Basis::Quadratic,
             _ => Basis::Linear,
         }
     }

@@ -70,40 +70,52 @@ pub struct Row {
 }
 
 impl Row {
-    /// B(x)·`picture` with `N` pixels an axis; rows of the picture have `width` pixels.
+    /// B(x)·`picture` with `N` pixels an axis, every lane by itself; rows of the picture have `width` pixels.
     #[inline]
-    pub(super) fn apply<const N: usize>(&self, picture: &[f32], width: usize) -> f32 {
+    pub(super) fn apply<const N: usize>(&self, picture: &[[f32; 4]], width: usize) -> [f32; 4] {
         let (bx, by) = (weights::<N>(self.fx), weights::<N>(self.fy));
-        let mut sum = 0.0;
-        for (j, wy) in by.into_iter().enumerate() {
+        let mut sum = [0f32; 4];
+        for j in 0..N {
             let at = self.cell as usize + j * width;
-            let line = &picture[at..at + N];
-            let mut along = 0.0;
-            for (w, p) in bx.iter().zip(line) {
-                along += w * p;
+            for (b, p) in bx.iter().zip(&picture[at..at + N]) {
+                add_times(&mut sum, by[j] * b, p);
             }
-            sum += wy * along;
         }
         sum
     }
 
     /// [`Row::apply`], and how it changes with the place along x and y.
     #[inline]
-    pub(super) fn apply_with_slopes<const N: usize>(&self, picture: &[f32], width: usize) -> [f32; 3] {
+    pub(super) fn apply_with_slopes<const N: usize>(&self, picture: &[[f32; 4]], width: usize) -> [[f32; 4]; 3] {
         let (bx, by) = (weights::<N>(self.fx), weights::<N>(self.fy));
         let (dx, dy) = (slopes::<N>(self.fx), slopes::<N>(self.fy));
-        let mut sum = [0f32; 3];
+        let mut sums = [[0f32; 4]; 3];
         for j in 0..N {
             let at = self.cell as usize + j * width;
-            let (mut along, mut rise) = (0.0, 0.0);
             for (i, p) in picture[at..at + N].iter().enumerate() {
-                along += bx[i] * p;
-                rise += dx[i] * p;
+                add_times(&mut sums[0], by[j] * bx[i], p);
+                add_times(&mut sums[1], by[j] * dx[i], p);
+                add_times(&mut sums[2], dy[j] * bx[i], p);
             }
-            sum[0] += by[j] * along;
-            sum[1] += by[j] * rise;
-            sum[2] += dy[j] * along;
         }
-        sum
+        sums
     }
+}
+
+#[inline]
+fn add_times(sum: &mut [f32; 4], factor: f32, value: &[f32; 4]) {
+    for (s, v) in sum.iter_mut().zip(value) {
+        *s += factor * v;
+    }
+}
+
+/// Planes of up to three channels as lanes, the rest 0.
+pub(super) fn interleaved(planes: &[Vec<f32>]) -> Vec<[f32; 4]> {
+    let mut lanes = vec![[0f32; 4]; planes.first().map_or(0, Vec::len)];
+    for (l, plane) in planes.iter().enumerate().take(3) {
+        for (lanes, &p) in lanes.iter_mut().zip(plane) {
+            lanes[l] = p;
+        }
+    }
+    lanes
 }

@@ -3,8 +3,10 @@
 use super::basis::{Basis, weights};
 use super::forward::{Grid, Row};
 
-/// Numbers a pixel while rows are added: at most 25 couplings and three right-hand sides.
-const LANES: usize = 28;
+/// Numbers a pixel while rows of `n`×`n` pixels are added: its couplings and three right-hand sides.
+const fn lanes(n: usize) -> usize {
+    n + (n - 1) * (2 * n - 1) + 3
+}
 
 /// Couplings of a pixel with itself and with those after it, as planes over the grid.
 #[derive(Debug, Clone)]
@@ -18,7 +20,8 @@ pub struct NormalStencil {
 pub(super) struct Accumulator {
     width: usize,
     basis: Basis,
-    sums: Vec<[f32; LANES]>,
+    /// [`lanes`] of every pixel.
+    sums: Vec<f32>,
 }
 
 /// Neighbours at or after a pixel that share a row of `n`×`n` pixels with it, in the order of the lanes.
@@ -32,7 +35,7 @@ fn neighbours(n: isize) -> Vec<[isize; 2]> {
 
 impl Accumulator {
     pub(super) fn new(grid: &Grid) -> Self {
-        Accumulator { width: grid.width, basis: grid.basis, sums: vec![[0.0; LANES]; grid.pixels()] }
+        Accumulator { width: grid.width, basis: grid.basis, sums: vec![0.0; grid.pixels() * lanes(grid.basis.taps())] }
     }
 
     /// Adds one row of `N`×`N` pixels with its `weight` and value.
@@ -40,10 +43,11 @@ impl Accumulator {
     pub(super) fn add<const N: usize>(&mut self, row: &Row, weight: f32, value: &[f32; 4]) {
         let (bx, by) = (weights::<N>(row.fx), weights::<N>(row.fy));
         let wx = bx.map(|b| weight * b);
-        let right_hand = N + (N - 1) * (2 * N - 1);
+        let right_hand = const { lanes(N) - 3 };
         for j in 0..N {
-            let at = row.cell as usize + j * self.width;
-            for (i, sums) in self.sums[at..at + N].iter_mut().enumerate() {
+            let at = (row.cell as usize + j * self.width) * const { lanes(N) };
+            let pixels = &mut self.sums[at..at + const { N * lanes(N) }];
+            for (i, sums) in pixels.chunks_exact_mut(const { lanes(N) }).enumerate() {
                 let b = wx[i] * by[j];
                 // To the right in the same line.
                 for (right, other) in bx[i..].iter().enumerate() {
@@ -65,7 +69,8 @@ impl Accumulator {
 
     /// The matrix, and Bᵀ W y of `channels` channels.
     pub(super) fn finish(self, channels: usize) -> (NormalStencil, Vec<Vec<f32>>) {
-        let plane = |l: usize| self.sums.iter().map(|s| s[l]).collect::<Vec<f32>>();
+        let each = lanes(self.basis.taps());
+        let plane = |l: usize| self.sums.iter().skip(l).step_by(each).copied().collect::<Vec<f32>>();
         let neighbours = neighbours(self.basis.taps() as isize);
         let first = neighbours.len();
         let couplings = neighbours.into_iter().enumerate().map(|(l, n)| (n, plane(l))).collect();
@@ -114,6 +119,7 @@ fn add_products(out: &mut [f32], a: &[f32], b: &[f32]) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::forward::interleaved;
     use super::*;
 
     fn the_stencil_is_the_product_of_its_rows<const N: usize>(basis: Basis) {
@@ -130,7 +136,7 @@ mod tests {
         let mut expected = vec![0f32; grid.pixels()];
         for row in &rows {
             sums.add::<N>(row, row.weight, &[2.0, 0.0, 0.0, 0.0]);
-            let value = row.weight * row.apply::<N>(&picture, grid.width);
+            let value = row.weight * row.apply::<N>(&interleaved(&[picture.clone()]), grid.width)[0];
             let (bx, by) = (weights::<N>(row.fx), weights::<N>(row.fy));
             for k in 0..N * N {
                 expected[row.cell as usize + k / N * grid.width + k % N] += by[k / N] * bx[k % N] * value;

@@ -7,7 +7,7 @@ use lenslet_core::image::box_mean;
 
 use super::basis::Basis;
 use super::conjugate_gradients::conjugate_gradients;
-use super::forward::{Grid, Row};
+use super::forward::{Grid, Row, interleaved};
 use super::kernel::Kernel;
 use super::normal_stencil::Accumulator;
 use super::prior::EdgeWeights;
@@ -51,7 +51,7 @@ pub struct Problem<'a> {
     pub kernel: &'a Kernel,
     /// The samples in the picture.
     pub rows: &'a [Row],
-    /// Value of every sample, up to three channels.
+    /// Value of every sample, up to three channels, the rest 0.
     pub values: &'a [[f32; 4]],
     /// 1 or 3.
     pub channels: usize,
@@ -88,8 +88,8 @@ pub struct Solution {
     pub planes: Vec<Vec<f32>>,
     /// Usual residual of the samples, encoded values.
     pub residual: f32,
-    /// The picture as samples see it: k ∗ I.
-    pub smooth: Vec<Vec<f32>>,
+    /// The picture as samples see it: k ∗ I, up to three channels, the rest 0.
+    pub smooth: Vec<[f32; 4]>,
 }
 
 impl Problem<'_> {
@@ -101,18 +101,14 @@ impl Problem<'_> {
 
     /// Root of the mean square of a row's residual over channels, encoded values.
     #[inline]
-    fn residual<const N: usize>(&self, row: &Row, smooth: &[Vec<f32>]) -> f32 {
-        let value = &self.values[row.sample as usize];
-        let mut sum = 0.0;
-        for (plane, value) in smooth.iter().zip(value) {
-            let r = value - row.apply::<N>(plane, self.grid.width);
-            sum += r * r;
-        }
-        (sum / self.channels as f32).sqrt() * self.slope(row.sample)
+    fn residual<const N: usize>(&self, row: &Row, smooth: &[[f32; 4]]) -> f32 {
+        let here = row.apply::<N>(smooth, self.grid.width);
+        let square: f32 = self.values[row.sample as usize].iter().zip(here).map(|(v, h)| (v - h) * (v - h)).sum();
+        (square / self.channels as f32).sqrt() * self.slope(row.sample)
     }
 
     /// Median residual of the samples that count where the contrast is below `contrast`.
-    fn usual_residual<const N: usize>(&self, smooth: &[Vec<f32>], contrast: f32) -> f32 {
+    fn usual_residual<const N: usize>(&self, smooth: &[[f32; 4]], contrast: f32) -> f32 {
         let counts = |r: &&Row| r.weight > 0.3 && self.contrast[r.cell as usize] <= contrast;
         let counted = self.rows.iter().filter(counts).step_by(23);
         quantile(counted.map(|r| self.residual::<N>(r, smooth)), 0.5).unwrap_or(0.0)
@@ -125,11 +121,11 @@ pub struct Predicted {
     /// What was measured.
     pub value: [f32; 4],
     /// What the picture gives.
-    pub here: [f32; 3],
+    pub here: [f32; 4],
     /// How that changes with the place along x, a pixel.
-    pub gx: [f32; 3],
+    pub gx: [f32; 4],
     /// How that changes with the place along y, a pixel.
-    pub gy: [f32; 3],
+    pub gy: [f32; 4],
     /// Slope of the encoding there.
     pub slope: f32,
     channels: usize,
@@ -161,7 +157,7 @@ impl Predicted {
 impl Problem<'_> {
     /// A row's sample beside the picture `smooth`.
     #[must_use]
-    pub fn predicted(&self, row: &Row, smooth: &[Vec<f32>]) -> Predicted {
+    pub fn predicted(&self, row: &Row, smooth: &[[f32; 4]]) -> Predicted {
         match self.grid.basis {
             Basis::Linear => self.predicted_with::<2>(row, smooth),
             Basis::Quadratic => self.predicted_with::<3>(row, smooth),
@@ -170,19 +166,10 @@ impl Problem<'_> {
     }
 
     #[inline]
-    fn predicted_with<const N: usize>(&self, row: &Row, smooth: &[Vec<f32>]) -> Predicted {
-        let mut out = Predicted {
-            value: self.values[row.sample as usize],
-            here: [0.0; 3],
-            gx: [0.0; 3],
-            gy: [0.0; 3],
-            slope: self.slope(row.sample),
-            channels: self.channels,
-        };
-        for (c, plane) in smooth.iter().enumerate().take(3) {
-            [out.here[c], out.gx[c], out.gy[c]] = row.apply_with_slopes::<N>(plane, self.grid.width);
-        }
-        out
+    fn predicted_with<const N: usize>(&self, row: &Row, smooth: &[[f32; 4]]) -> Predicted {
+        let [here, gx, gy] = row.apply_with_slopes::<N>(smooth, self.grid.width);
+        let value = self.values[row.sample as usize];
+        Predicted { value, here, gx, gy, slope: self.slope(row.sample), channels: self.channels }
     }
 }
 
@@ -199,17 +186,19 @@ pub fn solve(problem: &Problem<'_>, start: Vec<Vec<f32>>, options: &SolveOptions
 fn solve_with<const N: usize>(problem: &Problem<'_>, start: Vec<Vec<f32>>, options: &SolveOptions) -> Solution {
     let (grid, kernel) = (problem.grid, problem.kernel);
     let mut planes = start;
-    let mut smooth: Vec<Vec<f32>> = planes.iter().map(|p| vec![0.0; p.len()]).collect();
     let squared = kernel.squared();
     let (mut residual, mut noise) = (0.0, f32::INFINITY);
     let plain = quantile(problem.contrast.iter().copied(), PLAIN).unwrap_or(f32::INFINITY);
-    let blur = |planes: &[Vec<f32>], smooth: &mut [Vec<f32>]| {
-        for (plane, smooth) in planes.iter().zip(smooth) {
-            kernel.convolve(plane, grid.width, smooth);
-        }
+    let blur = |planes: &[Vec<f32>]| {
+        let one = |plane: &Vec<f32>| {
+            let mut smooth = vec![0f32; plane.len()];
+            kernel.convolve(plane, grid.width, &mut smooth);
+            smooth
+        };
+        interleaved(&planes.iter().map(one).collect::<Vec<_>>())
     };
     for _ in 0..=options.reweightings {
-        blur(&planes, &mut smooth);
+        let smooth = blur(&planes);
         residual = problem.usual_residual::<N>(&smooth, f32::INFINITY);
         let scale = 1.0 / (2.0 * (1.5 * residual).max(LEAST_RESIDUAL));
         let mut sums = Accumulator::new(&grid);
@@ -247,7 +236,7 @@ fn solve_with<const N: usize>(problem: &Problem<'_>, start: Vec<Vec<f32>>, optio
             conjugate_gradients(multiply, &inverse, &target, plane, options.steps, 1e-5);
         }
     }
-    blur(&planes, &mut smooth);
+    let smooth = blur(&planes);
     Solution { planes, residual, smooth }
 }
 
