@@ -27,3 +27,26 @@ pub mod random;
 pub mod sampling;
 pub mod sparse;
 pub mod stroke_font;
+
+/// Returns the error variant with a formatted message, a `String`, unless the condition holds; what the function
+/// returns may be another error that is made from it.
+///
+/// ```
+/// #[derive(Debug, PartialEq)]
+/// enum Error {
+///     Parameter(String),
+/// }
+/// fn half(n: i32) -> Result<i32, Error> {
+///     lenslet_core::ensure!(Error::Parameter, n % 2 == 0, "{n} is odd");
+///     Ok(n / 2)
+/// }
+/// assert_eq!(half(3), Err(Error::Parameter("3 is odd".into())));
+/// ```
+#[macro_export]
+macro_rules! ensure {
+    ($variant:path, $condition:expr, $($message:tt)+) => {
+        if !$condition {
+            return Err($variant(format!($($message)+)).into());
+        }
+    };
+}

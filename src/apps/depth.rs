@@ -3,7 +3,9 @@
 use lenslet_views::disparity::DepthOrder;
 use ndarray::{Array2, ArrayView2};
 
-use super::error::{Error, ensure_shape};
+use lenslet_core::ensure;
+
+use super::error::Error;
 use crate::image_io::Picture;
 
 /// Values (t, s) as colours from deep blue (`range.0`) over green to yellow (`range.1`), their brightness rising
@@ -66,7 +68,8 @@ pub fn point_cloud_ply(
     least: f32,
 ) -> Result<Vec<u8>, Error> {
     let (height, width) = disparity.dim();
-    ensure_shape!(
+    ensure!(
+        Error::Shape,
         confidence.dim() == (height, width) && (picture.height, picture.width) == (height, width),
         "disparity, confidence and picture differ in size"
     );

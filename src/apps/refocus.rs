@@ -7,7 +7,9 @@ use lenslet_core::colour::LUMINANCE;
 use lenslet_core::image::{Cell, bilinear_by_weights, catmull_rom_weights};
 use lenslet_views::disparity;
 
-use super::error::{Error, ensure_parameter, ensure_shape};
+use lenslet_core::ensure;
+
+use super::error::Error;
 
 /// Rows of the picture made together: every row of a view is fetched once for the four output rows it enters, and the
 /// sums of a band stay in the cache of a core.
@@ -72,7 +74,11 @@ pub fn aperture_weights(views: (usize, usize), size: f32, shape: ApertureShape) 
 pub fn refocus(data: &ArrayView5<f32>, disparity: f32, aperture: &ArrayView2<f32>) -> Result<Array3<f32>, Error> {
     let (rows, columns, height, width, channels) = data.dim();
     check(data, aperture)?;
-    ensure_parameter!(disparity.is_finite() && disparity.abs() < 1e6, "a disparity of {disparity} is out of range");
+    ensure!(
+        Error::Parameter,
+        disparity.is_finite() && disparity.abs() < 1e6,
+        "a disparity of {disparity} is out of range"
+    );
     let mut out = Array3::<f32>::zeros((height, width, channels));
     let stride = width * channels;
     let Some(flat) = out.as_slice_mut() else { return Err(Error::Shape("the image is not contiguous".into())) };
@@ -175,7 +181,8 @@ pub fn all_in_focus(
 ) -> Result<Array3<f32>, Error> {
     let (rows, columns, height, width, channels) = data.dim();
     check(data, aperture)?;
-    ensure_shape!(
+    ensure!(
+        Error::Shape,
         disparity.dim() == (height, width),
         "the disparity has {:?} pixels, the views {height}x{width}",
         disparity.dim()
@@ -218,21 +225,24 @@ pub fn all_in_focus(
 
 fn check(data: &ArrayView5<f32>, aperture: &ArrayView2<f32>) -> Result<(), Error> {
     let (rows, columns, height, width, channels) = data.dim();
-    ensure_shape!(
+    ensure!(
+        Error::Shape,
         height > 0 && width > 0 && (1..=4).contains(&channels),
         "views of {width}x{height} with {channels} channels cannot be refocused"
     );
-    ensure_shape!(
+    ensure!(
+        Error::Shape,
         aperture.dim() == (rows, columns),
         "the aperture has {:?} weights for {rows}x{columns} views",
         aperture.dim()
     );
     let sum: f32 = aperture.iter().sum();
-    ensure_parameter!(
+    ensure!(
+        Error::Parameter,
         sum > 0.0 && sum.is_finite() && aperture.iter().all(|a| *a >= 0.0),
         "the aperture gives no view a weight"
     );
-    ensure_shape!(data.is_standard_layout(), "the light field is not in (v, u, t, s, c) order in memory");
+    ensure!(Error::Shape, data.is_standard_layout(), "the light field is not in (v, u, t, s, c) order in memory");
     Ok(())
 }
 
@@ -248,7 +258,7 @@ pub fn disparity_at(
 ) -> Result<f32, Error> {
     let (rows, columns, height, width, _) = data.dim();
     let inside = x >= 0.0 && y >= 0.0 && x <= (width.max(1) - 1) as f32 && y <= (height.max(1) - 1) as f32;
-    ensure_parameter!(inside, "the point {x},{y} is outside of the views of {width}x{height}");
+    ensure!(Error::Parameter, inside, "the point {x},{y} is outside of the views of {width}x{height}");
     let reach = (rows.max(columns) / 2) as f32;
     // The range of the whole light field: the surroundings of a point may show too little.
     let (low, high) = match options.range {

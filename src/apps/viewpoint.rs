@@ -7,7 +7,9 @@ use rayon::prelude::*;
 use lenslet_core::image::{Cell, bilinear_by_weights};
 use lenslet_views::disparity::{self, DepthOrder};
 
-use super::error::{Error, ensure_parameter, ensure_shape};
+use lenslet_core::ensure;
+
+use super::error::Error;
 
 /// How the viewpoint moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -71,15 +73,16 @@ pub fn render_between_views(
     hold: f32,
 ) -> Result<Array3<f32>, Error> {
     let (rows, columns, height, width, channels) = data.dim();
-    ensure_shape!(
+    ensure!(
+        Error::Shape,
         disparity.dim() == (height, width),
         "the disparity has {:?} pixels, the views {height}x{width}",
         disparity.dim()
     );
     let (gu, gv) = (u + (columns / 2) as f32, v + (rows / 2) as f32);
     let inside = gu >= 0.0 && gv >= 0.0 && gu <= (columns - 1) as f32 && gv <= (rows - 1) as f32;
-    ensure_parameter!(inside, "the viewpoint {u},{v} is outside of the {rows}x{columns} views");
-    ensure_parameter!(hold.is_finite(), "the disparity to hold is not a number");
+    ensure!(Error::Parameter, inside, "the viewpoint {u},{v} is outside of the {rows}x{columns} views");
+    ensure!(Error::Parameter, hold.is_finite(), "the disparity to hold is not a number");
     let map = disparity::carry_to_view(disparity, [u, v], order);
     let (u0, v0) = (gu as usize, gv as usize);
     let (fu, fv) = (gu - u0 as f32, gv - v0 as f32);

@@ -35,23 +35,3 @@ pub enum Error {
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
 }
-
-/// Returns [`Error::Shape`] with a formatted message unless the condition holds.
-macro_rules! ensure_shape {
-    ($condition:expr, $($message:tt)+) => {
-        if !$condition {
-            return Err($crate::Error::Shape(format!($($message)+)).into());
-        }
-    };
-}
-
-/// Returns [`Error::Parameter`] with a formatted message unless the condition holds.
-macro_rules! ensure_parameter {
-    ($condition:expr, $($message:tt)+) => {
-        if !$condition {
-            return Err($crate::Error::Parameter(format!($($message)+)).into());
-        }
-    };
-}
-
-pub(crate) use {ensure_parameter, ensure_shape};

@@ -6,7 +6,9 @@ use ndarray::{Array2, ArrayView5, Axis, s};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use super::error::{Error, ensure_parameter, ensure_shape};
+use lenslet_core::ensure;
+
+use super::error::Error;
 use crate::image_io::{Picture, shrink};
 use crate::page::{self, base64_of};
 
@@ -85,7 +87,8 @@ pub fn viewer_page(content: &ViewerContent, quality: u8, max_bytes: usize) -> Re
         .ok_or_else(|| Error::Shape("there is nothing to show".into()))?;
     let (width, height) = (first.width, first.height);
     for set in &content.sets {
-        ensure_shape!(
+        ensure!(
+            Error::Shape,
             set.views.len() == rows * columns && set.views.iter().all(|p| (p.width, p.height) == (width, height)),
             "the light fields shown together must have the same views and size; {} differs",
             set.name
@@ -128,10 +131,14 @@ pub fn viewer_page(content: &ViewerContent, quality: u8, max_bytes: usize) -> Re
 /// The disparity of a set as the page reads it.
 fn relief(set: &ViewSet, size: (usize, usize)) -> Result<Value, Error> {
     let name = &set.name;
-    ensure_shape!(set.disparity.dim() == size, "the disparity of {name} has another size than its pictures");
+    ensure!(Error::Shape, set.disparity.dim() == size, "the disparity of {name} has another size than its pictures");
     let low = set.disparity.iter().copied().fold(f32::INFINITY, f32::min);
     let high = set.disparity.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-    ensure_parameter!(low.is_finite() && high.is_finite(), "the disparity of {name} has values that are not numbers");
+    ensure!(
+        Error::Parameter,
+        low.is_finite() && high.is_finite(),
+        "the disparity of {name} has values that are not numbers"
+    );
     let (low, high) = if high - low < 0.1 { (low - 0.05, high + 0.05) } else { (low, high) };
     let depth = grey_picture(&set.disparity, low, high).to_png()?;
     let mut list: Vec<f32> = set.disparity.iter().copied().collect();

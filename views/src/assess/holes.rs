@@ -13,8 +13,8 @@ use super::picture::{encode, encoded_light, light_of, read_between};
 use super::ray_places::{BORDER, sample_points};
 use super::withheld::hash_of;
 use crate::Error;
-use crate::error::ensure_shape;
 use crate::target::view_pitch;
+use lenslet_core::ensure;
 
 /// One lenslet in this many is a candidate; those next to another one are not hidden.
 ///
@@ -73,7 +73,8 @@ fn score_hidden(
     image: ArrayView3<'_, f32>,
 ) -> Result<HolesScore, Error> {
     let (height, width, _) = image.dim();
-    ensure_shape!(
+    ensure!(
+        crate::Error::Shape,
         (width, height) == (size.width, size.height),
         "the rendered view has another size: {width}x{height} instead of {}x{}",
         size.width,
@@ -90,7 +91,7 @@ fn score_hidden(
         sum += f64::from(error).powi(2);
         lenslets += 1;
     }
-    ensure_shape!(lenslets > 0, "no lenslet was hidden away from the border");
+    ensure!(crate::Error::Shape, lenslets > 0, "no lenslet was hidden away from the border");
     Ok(HolesScore { psnr: -10.0 * (sum / lenslets as f64).max(1e-20).log10(), lenslets })
 }
 

@@ -19,10 +19,10 @@ use super::ray_places::{RayPlaces, sample_points};
 use super::statistics::{Difference, SquaredErrors};
 use super::withheld::hash_of;
 use crate::Error;
-use crate::error::ensure_shape;
 use crate::multiview::{self, SampleSet, estimate_disparities};
 use crate::renderer::InterpolatedViews;
 use crate::target::mean_pitch;
+use lenslet_core::ensure;
 
 /// Distances of pixels from their lenslet's centre by the first calibration, pitches.
 ///
@@ -91,7 +91,11 @@ pub fn compare_calibrations(
     longer: usize,
     observer: &dyn Observer,
 ) -> Result<Vec<RawScore>, Error> {
-    ensure_shape!(calibrations.len() >= 2, "calibrations are compared with each other: two or more are needed");
+    ensure!(
+        crate::Error::Shape,
+        calibrations.len() >= 2,
+        "calibrations are compared with each other: two or more are needed"
+    );
     let size = Size::new(capture.mosaic.width, capture.mosaic.height).with_longer_side(longer);
     observer.begin("raw pixels", calibrations.len() as u64);
     let mut pixels: Vec<Pixel> = Vec::new();
@@ -113,7 +117,8 @@ pub fn compare_calibrations(
     let missed: Vec<f64> = (0..pixels.len()).map(|p| errors.iter().map(|e| e[p].abs()).sum()).collect();
     let mut sorted = missed.clone();
     sorted.sort_unstable_by(f64::total_cmp);
-    ensure_shape!(
+    ensure!(
+        crate::Error::Shape,
         sorted.len() >= LEAST_PIXELS,
         "only {} raw pixels are foretold by all calibrations, {LEAST_PIXELS} are needed",
         sorted.len()

@@ -19,10 +19,10 @@ use super::ray_places::{RayPlaces, sample_points, view_steps};
 use super::statistics::{Difference, SquaredErrors};
 use super::withheld::{is_withheld, refined_middle, withhold_samples};
 use crate::Error;
-use crate::error::ensure_shape;
 use crate::multiview::{self, RefinedViews, SampleSet};
 use crate::renderer::InterpolatedViews;
 use crate::target::{mean_pitch, view_pitch};
+use lenslet_core::ensure;
 
 /// Offsets of the views whose samples are foretold, in pitches: the longer of |u| and |v|, and |u| + |v| at most.
 ///
@@ -79,7 +79,8 @@ impl Rays {
     /// # Errors
     /// [`Error::Shape`] where fewer than 200 rays can be told; errors of the refinement; interruption.
     pub fn find(samples: &HexSamples, size: &Size, observer: &dyn Observer) -> Result<Rays, Error> {
-        ensure_shape!(
+        ensure!(
+            crate::Error::Shape,
             samples.index.len() == samples.centres.len(),
             "the samples contradict each other: {} lattice indices of {} lenslets",
             samples.index.len(),
@@ -109,7 +110,8 @@ impl Rays {
             barycentric,
         };
         rays.leave_out_hidden();
-        ensure_shape!(
+        ensure!(
+            crate::Error::Shape,
             rays.count() >= LEAST_RAYS,
             "only {} samples of other views lie between those of the middle view on smooth surfaces, {LEAST_RAYS} are \
              needed: the scene is all but at disparity 0, or the capture too small",
@@ -177,14 +179,15 @@ impl Rays {
         picture: ArrayView3<'_, f32>,
         truth: ArrayView3<'_, f32>,
     ) -> Result<RayErrors, Error> {
-        ensure_shape!(picture.dim() == truth.dim(), "picture and truth have other sizes");
+        ensure!(crate::Error::Shape, picture.dim() == truth.dim(), "picture and truth have other sizes");
         let truth = encoded_light(truth);
         self.sum_errors(picture, |ray| read_between(&truth, f64::from(ray.x), f64::from(ray.y)))
     }
 
     fn sum_errors(&self, picture: ArrayView3<'_, f32>, wanted: impl Fn(&Ray) -> f32) -> Result<RayErrors, Error> {
         let (height, width, _) = picture.dim();
-        ensure_shape!(
+        ensure!(
+            crate::Error::Shape,
             (width, height) == (self.size.width, self.size.height),
             "a picture of {width}x{height} pixels, the rays were found for {}x{}",
             self.size.width,

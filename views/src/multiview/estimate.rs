@@ -11,7 +11,7 @@ use super::sample_set::SampleSet;
 use super::view_disparities::{ViewDisparities, view_offset};
 use crate::Error;
 use crate::disparity::{self, DepthOrder, Disparity, ViewLight, carry_plane_to_view};
-use crate::error::ensure_shape;
+use lenslet_core::ensure;
 use lenslet_core::image::Plane;
 
 /// Estimates the middle view's disparity, unless `options.known` gives it, and carries it to all views.
@@ -27,7 +27,8 @@ pub fn estimate_disparities(
     let (grid, scale) = set.brightness(options.disparity.side.clamp(16, 2048))?;
     let middle = match &options.known {
         Some(known) => {
-            ensure_shape!(
+            ensure!(
+                crate::Error::Shape,
                 !known.is_empty() && known.iter().all(|d| d.is_finite()),
                 "the known disparity has values that are not numbers"
             );

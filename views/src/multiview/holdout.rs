@@ -9,8 +9,8 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
 use crate::Error;
-use crate::error::ensure_shape;
 use crate::target::mean_pitch;
+use lenslet_core::ensure;
 
 /// The score of the prediction of hidden lenslets.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,15 +35,17 @@ pub fn hidden_score<E: From<Error>>(
     at: (usize, usize),
     render: &mut dyn FnMut(&HexSamples) -> Result<Array3<f32>, E>,
 ) -> Result<HiddenScore, E> {
-    ensure_shape!(
+    ensure!(
+        crate::Error::Shape,
         share > 0.0 && share < 0.5,
         "the share of hidden lenslets must be above 0 and below 0.5, not {share}"
     );
     let (views, n, channels) = samples.values.dim();
     let inside = at.0 < samples.views && at.1 < samples.views && views == samples.views * samples.views;
-    ensure_shape!(inside, "there is no view {},{}", at.0, at.1);
+    ensure!(crate::Error::Shape, inside, "there is no view {},{}", at.0, at.1);
     let index = samples.view_index(at.0, at.1);
-    ensure_shape!(
+    ensure!(
+        crate::Error::Shape,
         n == samples.centres.len(),
         "the samples contradict each other: {n} values at {} places",
         samples.centres.len()
@@ -61,7 +63,8 @@ pub fn hidden_score<E: From<Error>>(
         values: samples.values.select(Axis(1), &kept),
     };
     let image = render(&rest)?;
-    ensure_shape!(
+    ensure!(
+        crate::Error::Shape,
         image.dim() == (target.height, target.width, channels),
         "the rendered view has another size: {:?}",
         image.dim()
@@ -82,6 +85,6 @@ pub fn hidden_score<E: From<Error>>(
         }
         count += 1;
     }
-    ensure_shape!(count > 0, "no lenslet was hidden away from the border");
+    ensure!(crate::Error::Shape, count > 0, "no lenslet was hidden away from the border");
     Ok(HiddenScore { psnr: -10.0 * (sum / (count * channels) as f64).max(1e-20).log10(), lenslets: count })
 }

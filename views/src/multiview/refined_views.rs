@@ -11,8 +11,8 @@ use super::sample_set::SampleSet;
 use super::view_disparities::ViewDisparities;
 use super::{smooth_fit, triangulated};
 use crate::Error;
-use crate::error::ensure_parameter;
 use crate::target::PixelSink;
+use lenslet_core::ensure;
 
 /// Views rendered side by side: each takes about 100 MiB at 1080×1080, however many threads there are.
 ///
@@ -87,7 +87,11 @@ impl<'a> RefinedViews<'a> {
     /// A view that does not exist.
     pub fn render_view(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {
         let (rows, columns) = self.views();
-        ensure_parameter!(v < rows && u < columns, "there is no view {v},{u}: there are only {rows}x{columns} views");
+        ensure!(
+            crate::Error::Parameter,
+            v < rows && u < columns,
+            "there is no view {v},{u}: there are only {rows}x{columns} views"
+        );
         let view = v * columns + u;
         if self.set.is_dark(view) {
             return self.set.single(v, u);

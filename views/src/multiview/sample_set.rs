@@ -11,9 +11,9 @@ use ndarray::{Array3, ArrayView1, ArrayView3, Axis, CowArray, Ix3};
 
 use crate::Error;
 use crate::disparity::ViewLight;
-use crate::error::ensure_shape;
 use crate::inverse::SampleFootprint;
 use crate::target::mean_pitch;
+use lenslet_core::ensure;
 
 /// Samples of every view at common places, and the target they are to fill.
 pub struct SampleSet<'a> {
@@ -68,7 +68,8 @@ impl<'a> SampleSet<'a> {
     pub fn hexagonal(samples: &'a HexSamples, target: &Size) -> Result<Self, Error> {
         let n = samples.centres.len();
         let (views, count, _) = samples.values.dim();
-        ensure_shape!(
+        ensure!(
+            crate::Error::Shape,
             views == samples.views * samples.views && count == n,
             "the samples contradict each other: {views} views of {count} values at {n} places"
         );
@@ -96,7 +97,7 @@ impl<'a> SampleSet<'a> {
     /// Light fields of other than 1 or 3 channels, empty ones.
     pub fn rectangular(field: &'a LightField, target: &Size) -> Result<Self, Error> {
         let (rows, columns, height, width, channels) = field.data.dim();
-        ensure_shape!(width > 0 && height > 0, "the views are empty");
+        ensure!(crate::Error::Shape, width > 0 && height > 0, "the views are empty");
         let (fx, fy) = (target.width as f32 / width as f32, target.height as f32 / height as f32);
         let points = (0..height)
             .flat_map(|t| (0..width).map(move |s| [(s as f32 + 0.5) * fx - 0.5, (t as f32 + 0.5) * fy - 0.5]))
@@ -157,11 +158,16 @@ impl<'a> SampleSet<'a> {
         single_view: SingleView,
     ) -> Result<Self, Error> {
         let channels = values.len_of(Axis(2));
-        ensure_shape!(channels == 1 || channels == 3, "multi-view refinement needs 1 or 3 channels, not {channels}");
-        ensure_shape!(rows * columns >= 1 && !points.is_empty(), "there are no samples");
+        ensure!(
+            crate::Error::Shape,
+            channels == 1 || channels == 3,
+            "multi-view refinement needs 1 or 3 channels, not {channels}"
+        );
+        ensure!(crate::Error::Shape, rows * columns >= 1 && !points.is_empty(), "there are no samples");
         let strange = values.iter().filter(|v| !v.is_finite()).count();
-        ensure_shape!(strange == 0, "{strange} values of the samples are not numbers");
-        ensure_shape!(
+        ensure!(crate::Error::Shape, strange == 0, "{strange} values of the samples are not numbers");
+        ensure!(
+            crate::Error::Shape,
             (1..=16384).contains(&target.width) && (1..=16384).contains(&target.height),
             "views of {}x{} pixels are out of range: 1 to 16384 a side",
             target.width,
@@ -169,7 +175,8 @@ impl<'a> SampleSet<'a> {
         );
         let lane = |v: ArrayView1<f32>| if channels == 3 { [v[0], v[1], v[2], 0.0] } else { [v[0], 0.0, 0.0, 0.0] };
         let lanes = values.rows().into_iter().map(lane).collect();
-        ensure_shape!(
+        ensure!(
+            crate::Error::Shape,
             weights.len() == rows * columns && weights.iter().all(|w| (0.0..=1.0).contains(w)),
             "{} weights (0 to 1) for {} views",
             weights.len(),

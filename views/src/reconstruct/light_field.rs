@@ -10,7 +10,7 @@ use ndarray::Array3;
 use super::data_consistent::DataConsistent;
 use super::reconstructor::Reconstructor;
 use crate::Error;
-use crate::error::{ensure_parameter, ensure_shape};
+use lenslet_core::ensure;
 
 /// What is done to a view before it is reconstructed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,7 +55,7 @@ pub fn reconstruct_light_field(
     observer: &dyn Observer,
 ) -> Result<(), Error> {
     if let Enlargement::Bicubic(f) = enlargement {
-        ensure_parameter!((1.0..=16.0).contains(&f), "views cannot be enlarged by {f} (1 to 16)");
+        ensure!(crate::Error::Parameter, (1.0..=16.0).contains(&f), "views cannot be enlarged by {f} (1 to 16)");
     }
     let meta: &Meta = source.meta();
     let [rows, columns] = meta.views;
@@ -67,7 +67,8 @@ pub fn reconstruct_light_field(
     };
     let consistent = match samples {
         Some((samples, noise)) => {
-            ensure_shape!(
+            ensure!(
+                crate::Error::Shape,
                 samples.views == rows && samples.views == columns && samples.values.dim().0 == rows * columns,
                 "the samples are of {0}x{0} views, the light field has {rows}x{columns}",
                 samples.views

@@ -8,10 +8,10 @@ use lenslet_core::progress::Observer;
 use ndarray::Array3;
 
 use crate::Error;
-use crate::error::ensure_parameter;
 use crate::interpolate::{ViewInterpolator, prepare_interpolator};
 use crate::multiview::{self, RefinedViews, SampleSet};
 use crate::target::Sink;
+use lenslet_core::ensure;
 
 /// Samples prepared for one interpolation at one size: any view can be rendered from them, in linear light.
 pub struct InterpolatedViews<'a> {
@@ -67,7 +67,7 @@ impl<'a> InterpolatedViews<'a> {
     /// A view that does not exist.
     pub fn render_view(&self, v: usize, u: usize) -> Result<View, Error> {
         let n = self.samples.views;
-        ensure_parameter!(v < n && u < n, "there is no view {v},{u}: there are {n}x{n} views");
+        ensure!(crate::Error::Parameter, v < n && u < n, "there is no view {v},{u}: there are {n}x{n} views");
         let pixels = match &self.source {
             Source::Single(interpolator) => interpolator.interpolate_view(self.samples.view(v, u))?,
             Source::Refined(refined) => refined.render_view(v, u)?,
