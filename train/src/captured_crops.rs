@@ -1,6 +1,7 @@
 //! Training crops of views refined by all the others (paper 4.3, then 4.4): photos stand at several depths before the
 //! simulated camera; its captures are calibrated, decoded and refined as a user's would be, noise, colour filters,
-//! jitter of the lenslets and errors of disparity included. The truth is the scene as a lenslet sees it.
+//! jitter of the lenslets and errors of disparity included. The truth is the scene as a lenslet sees it. With the
+//! lattice of a calibrated camera every capture is taken through another piece of that, each lenslet at its own place.
 
 use std::path::PathBuf;
 
@@ -13,9 +14,9 @@ use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{ColourSpace, View, colour};
 use lenslet_core::metrics::BORDER;
 use lenslet_core::progress::{Observer, Silent};
-use lenslet_data_gen::pairs::Crop;
+use lenslet_data_gen::pairs::{CameraLattice, Crop};
 use lenslet_data_gen::photo::PhotoSet;
-use lenslet_data_gen::simulate::{self, Camera, LensletGrid, Scene, SceneName, SceneUse};
+use lenslet_data_gen::simulate::{self, Camera, LensletGrid, Lenslets, Scene, SceneName, SceneUse};
 use ndarray::{Array2, s};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -100,6 +101,8 @@ enum CaptureError {
     #[error(transparent)]
     Simulate(#[from] simulate::Error),
     #[error(transparent)]
+    Lattice(#[from] lenslet_data_gen::pairs::Error),
+    #[error(transparent)]
     Calibration(#[from] calibration::Error),
     #[error(transparent)]
     Decode(#[from] decode::Error),
@@ -116,13 +119,18 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
     rng.set_stream((5 << 60) | index as u64);
     // As many output pixels as two crops and their borders take, at the camera's own scale.
     let side = 2 * parameters.pairs.crop + 2 * BORDER;
-    let grid = LensletGrid::default();
+    let (grid, lattice) = (LensletGrid::default(), parameters.degradation.lattice.as_ref());
     let sensor = 2 * ((side as f64 * grid.pitch / parameters.degradation.pitch / 2.0).round() as usize);
     let offset = [rng.random::<f64>() * grid.pitch, rng.random::<f64>() * grid.pitch];
     let camera = Camera {
         lenslets: LensletGrid { rotation: parameters.degradation.rotation, offset, ..grid },
         ..Camera::with_sensor(sensor)
     };
+    let measured = match lattice {
+        Some(lattice) => Some(measured_lenslets(lattice, &camera, parameters.degradation.pitch, rng.random())?),
+        None => None,
+    };
+    let camera = measured.as_ref().map_or(camera, |m| m.camera.clone());
     let disparity = 0.7 * rng.random::<f64>() - 0.35;
     let options = simulate::SimulationOptions {
         seed: rng.random::<u32>().into(),
@@ -130,7 +138,11 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
         whites: 2,
     };
     let scene = draw(&camera, disparity, options.seed)?;
-    let simulation = simulate::render_capture(&scene, &camera, &options, &Silent)?;
+    let mut lenslets = Lenslets::new(&camera, options.seed)?;
+    if let Some(measured) = &measured {
+        lenslets = lenslets.moved_to(&measured.centres);
+    }
+    let simulation = simulate::render_capture_through(&scene, &camera, &lenslets, &options, &Silent)?;
     let calibration = calibration::calibrate(&simulation.whites, &calibration::CalibrationOptions::default(), &Silent)?;
     let samples = decode::sample_views(&simulation.capture, &calibration, &decode::Options::default(), &Silent)?;
 
@@ -176,4 +188,103 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
         crops.push(Crop { photo: index, high: cut(&truths[at]), low: cut(&refined[at]), side_inputs });
     }
     Ok(crops)
+}
+
+/// Lenslets of a calibrated camera before a small sensor.
+struct MeasuredLenslets {
+    /// The small camera, its regular lattice laid over them; they have no errors but their own.
+    camera: Camera,
+    /// Their centres (x, y), sensor pixels.
+    centres: Vec<[f64; 2]>,
+}
+
+/// The lenslets in a window of `lattice` that the sensor of `camera` takes. `pitch`: that of `lattice`, in its pixels;
+/// `place` (0..1 in x and y): where the window lies.
+fn measured_lenslets(
+    lattice: &CameraLattice,
+    camera: &Camera,
+    pitch: f64,
+    place: [f64; 2],
+) -> Result<MeasuredLenslets, CaptureError> {
+    let scale = camera.lenslets.pitch / pitch;
+    let side = (camera.sensor.0 as f64 / scale).ceil() as usize;
+    let in_view = lattice.window(side, side, place)?.centres;
+    let centres: Vec<[f64; 2]> = in_view.iter().map(|c| c.map(|x| (x + 0.5) * scale - 0.5)).collect();
+    let middle = (camera.sensor.0 as f64 - 1.0) / 2.0;
+    let offsets = centres.iter().map(|c| c.map(|x| x - middle));
+    let nearest = offsets.min_by(|a, b| a[0].hypot(a[1]).total_cmp(&b[0].hypot(b[1])));
+    let lenslets = LensletGrid {
+        row_stretch: lattice.row_stretch(),
+        offset: nearest.unwrap_or(camera.lenslets.offset),
+        jitter: 0.0,
+        ..camera.lenslets.clone()
+    };
+    Ok(MeasuredLenslets { camera: Camera { lenslets, ..camera.clone() }, centres })
+}
+
+#[cfg(test)]
+mod tests {
+    use lenslet_core::calibration::{Calibration, Lattice, Lenslet};
+
+    use super::*;
+
+    /// Views of 400×300 pixels, 5 of them between lenslets, whose rows are stretched and whose lenslets lie askew.
+    fn lattice() -> CameraLattice {
+        let lattice = Lattice::hexagonal(10.0, 0.01, 1.04, [400.0, 300.0]);
+        let points = lattice.points_within(Size::new(800, 600), 0.0);
+        let askew = |i: i32, j: i32| 0.2 * f64::from((7 * i + 13 * j).rem_euclid(5)) - 0.4;
+        let lenslet = |(&[i, j], &[x, y]): (&[i32; 2], &[f64; 2])| Lenslet {
+            i,
+            j,
+            x: x + askew(i, j),
+            y: y - askew(j, i),
+            trust: 1.0,
+        };
+        let calibration = Calibration {
+            width: 800,
+            height: 600,
+            lattice,
+            lenslets: points.index.iter().zip(&points.centres).map(lenslet).collect(),
+            vignetting: None,
+            hot_pixels: Vec::new(),
+            quality: Default::default(),
+            origin: Default::default(),
+        };
+        CameraLattice::of_calibration(&calibration, 400).unwrap()
+    }
+
+    #[test]
+    fn the_small_camera_has_every_lenslet_of_the_window_at_its_place() {
+        let camera =
+            Camera { lenslets: LensletGrid { rotation: 0.01, ..LensletGrid::default() }, ..Camera::with_sensor(240) };
+        let measured = measured_lenslets(&lattice(), &camera, 5.0, [0.3, 0.6]).unwrap();
+        let regular = Lenslets::new(&measured.camera, 1).unwrap();
+        let moved = regular.clone().moved_to(&measured.centres);
+        let distances = |lenslets: &Lenslets| -> Vec<f64> {
+            measured.centres.iter().map(|c| lenslets.nearest(c[0], c[1]).1.sqrt()).collect()
+        };
+        assert!(measured.centres.len() > 500, "{}", measured.centres.len());
+        assert!(distances(&moved).iter().all(|d| *d < 1e-9));
+        // What the stretch and the rotation do not explain is each lenslet's own: at most √2·0.4 pixels, twice that
+        // from the one on which the regular lattice lies.
+        let unexplained = distances(&regular);
+        let mean = unexplained.iter().sum::<f64>() / unexplained.len() as f64;
+        assert!((0.2..0.9).contains(&mean) && unexplained.iter().all(|d| *d < 1.3), "{mean}");
+    }
+
+    #[test]
+    fn captures_are_taken_through_the_calibrated_lenslets() {
+        let mut parameters = Parameters::default();
+        parameters.pairs.crop = 48;
+        (parameters.degradation.pitch, parameters.degradation.rotation) = (5.0, 0.01);
+        let kind = SceneName::of_use(DRAWN).next().unwrap();
+        let draw = |camera: &Camera, disparity, seed| Scene::named(kind, camera, Some(disparity), seed, &Silent);
+        let regular = capture(&draw, 0, 1, &parameters).unwrap();
+        parameters.degradation.lattice = Some(lattice());
+        let calibrated = capture(&draw, 0, 1, &parameters).unwrap();
+        assert_eq!(regular[0].low.dim(), calibrated[0].low.dim());
+        assert_ne!(regular[0].low, calibrated[0].low);
+        let error = |c: &Crop| (&c.low - &c.high).mapv(f32::abs).mean().unwrap();
+        assert!(error(&calibrated[0]) < 2.0 * error(&regular[0]), "the refined view is of the scene");
+    }
 }

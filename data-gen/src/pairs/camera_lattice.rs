@@ -13,6 +13,7 @@ use super::error::Error;
 pub struct CameraLattice {
     sha256: String,
     size: Size,
+    row_stretch: f64,
     points: Arc<LatticePoints>,
 }
 
@@ -37,12 +38,14 @@ impl CameraLattice {
         let centres: Vec<[f64; 2]> = calibration.lenslets.iter().map(|l| to_view.to_view([l.x, l.y])).collect();
         let index = calibration.lenslets.iter().map(|l| [l.i, l.j]).collect();
         let bytes: Vec<u8> = centres.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
-        Ok(CameraLattice { sha256: sha256_hex(&bytes), size, points: Arc::new(LatticePoints { index, centres }) })
+        let row_stretch = calibration.lattice.row_stretch();
+        let points = Arc::new(LatticePoints { index, centres });
+        Ok(CameraLattice { sha256: sha256_hex(&bytes), size, row_stretch, points })
     }
 
     /// A lattice known by its hash only: equal to the one it names, but nothing can be sampled with it.
     pub fn named(sha256: String) -> CameraLattice {
-        CameraLattice { sha256, size: Size::new(0, 0), points: Arc::new(LatticePoints::default()) }
+        CameraLattice { sha256, size: Size::new(0, 0), row_stretch: 1.0, points: Arc::new(LatticePoints::default()) }
     }
 
     /// SHA-256 of the centres (x, y as little-endian f64), hexadecimal.
@@ -53,6 +56,11 @@ impl CameraLattice {
     /// Whether there is something to sample with.
     pub fn has_points(&self) -> bool {
         !self.points.centres.is_empty()
+    }
+
+    /// Row distance over its ideal √3/2 of the pitch; 1 for a lattice known by its hash only.
+    pub fn row_stretch(&self) -> f64 {
+        self.row_stretch
     }
 
     /// The lenslets within a window of `width`×`height` pixels of the view, in the window's pixels; `place` (0..1 in x

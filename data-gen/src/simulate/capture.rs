@@ -37,16 +37,29 @@ pub fn render_capture(
     options: &SimulationOptions,
     observer: &dyn Observer,
 ) -> Result<Simulation, Error> {
+    render_capture_through(scene, camera, &Lenslets::new(camera, options.seed)?, options, observer)
+}
+
+/// As [`render_capture`], with lenslets that need not lie where the camera's own would.
+///
+/// # Errors
+/// As [`render_capture`].
+pub fn render_capture_through(
+    scene: &Scene,
+    camera: &Camera,
+    lenslets: &Lenslets,
+    options: &SimulationOptions,
+    observer: &dyn Observer,
+) -> Result<Simulation, Error> {
     options.check()?;
     camera.check()?;
-    let lenslets = Lenslets::new(camera, options.seed)?;
-    let images = MicroImages::of_capture(camera, &lenslets);
+    let images = MicroImages::of_capture(camera, lenslets);
     let pattern = light_pattern(&images);
     let signal = disturb_signal(expose_scene(&images, scene, &pattern, observer)?, camera);
     let mut capture = with_facts(camera, record_mosaic(&signal, camera, options.noise, options.seed, 0), false);
     let jpeg = camera.imperfections.jpeg.map(|quality| save_as_jpeg(&mut capture, quality)).transpose()?;
     let other_zoom = camera.imperfections.white_shift != 0.0 || camera.imperfections.white_size != 1.0;
-    let pattern = if other_zoom { white_pattern(camera, &lenslets) } else { pattern };
+    let pattern = if other_zoom { white_pattern(camera, lenslets) } else { pattern };
     let white = disturb_signal(expose_white(camera, &pattern), camera);
     let mut whites: Vec<Capture> = (0..options.whites)
         .map(|k| with_facts(camera, record_mosaic(&white, camera, options.noise, options.seed, k as u32 + 1), true))

@@ -77,6 +77,20 @@ impl Lenslets {
         Ok(Lenslets { centre, cos, sin, pitch, row, sensor: (w, h), first: low, size, centres, spots })
     }
 
+    /// The same with lenslets at measured places: each of `centres` (x, y in sensor pixels) becomes the centre of the
+    /// lenslet it is nearest to, where that is less than half a pitch away.
+    #[must_use]
+    pub fn moved_to(mut self, centres: &[[f64; 2]]) -> Lenslets {
+        let placed = self.clone();
+        for &[x, y] in centres {
+            let (k, d2) = placed.nearest_index(x, y);
+            if d2 < 0.25 * self.pitch * self.pitch {
+                self.centres[k] = [x, y];
+            }
+        }
+        self
+    }
+
     /// Centre of the lenslet nearest to (`x`, `y`), and the squared distance.
     #[inline]
     pub fn nearest(&self, x: f64, y: f64) -> ([f64; 2], f64) {

@@ -31,7 +31,7 @@ mod truth;
 mod write;
 
 pub use camera::{Camera, CameraIdentity, LensletGrid, LightProfile, Optics, SensorResponse};
-pub use capture::{Simulation, capture_name, render_capture};
+pub use capture::{Simulation, capture_name, render_capture, render_capture_through};
 pub use chart::{FREQUENCIES, PATCHES, WHITE};
 pub use description::{Bounds, Canvas, LayerSource, Paint, Region, SceneDescription};
 pub use error::Error;

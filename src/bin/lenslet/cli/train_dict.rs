@@ -89,7 +89,8 @@ pub struct Args {
     /// camera, decoded and refined
     #[arg(long, value_enum, conflicts_with = "grid")]
     base: Option<TrainingBase>,
-    /// Samples at the lenslets of this calibration (each at its own place), for views 1080 pixels wide
+    /// Samples at the lenslets of this calibration (each at its own place), for views 1080 pixels wide; with --base
+    /// multiview the simulated camera has them
     #[arg(long, value_name = "CAM.calib")]
     calibration: Option<PathBuf>,
     /// The photos hold linear light (default: sRGB-encoded values)
@@ -156,8 +157,8 @@ fn parameters(args: &Args) -> anyhow::Result<Parameters> {
     if p.degradation.base == Some(Interpolation::Multiview) {
         // The simulated camera's truth is what a lenslet sees: a sample is the truth at a point.
         p.degradation.footprints = vec![Footprint::Point];
-        if args.calibration.is_some() || args.noise.is_some() || args.shrink.is_some() {
-            return Err(Usage("--calibration, --noise and --shrink do not go with --base multiview".into()).into());
+        if args.noise.is_some() || args.shrink.is_some() {
+            return Err(Usage("--noise and --shrink do not go with --base multiview".into()).into());
         }
     }
     if let Some(path) = &args.calibration {
