@@ -70,11 +70,15 @@ impl Accumulator {
     /// The matrix, and Bᵀ W y of `channels` channels.
     pub(super) fn finish(self, channels: usize) -> (NormalStencil, Vec<Vec<f32>>) {
         let each = lanes(self.basis.taps());
-        let plane = |l: usize| self.sums.iter().skip(l).step_by(each).copied().collect::<Vec<f32>>();
         let neighbours = neighbours(self.basis.taps() as isize);
-        let first = neighbours.len();
-        let couplings = neighbours.into_iter().enumerate().map(|(l, n)| (n, plane(l))).collect();
-        (NormalStencil { width: self.width, couplings }, (0..channels).map(|c| plane(first + c)).collect())
+        let mut planes = vec![vec![0f32; self.sums.len() / each]; neighbours.len() + channels];
+        for (k, sums) in self.sums.chunks_exact(each).enumerate() {
+            for (plane, sum) in planes.iter_mut().zip(sums) {
+                plane[k] = *sum;
+            }
+        }
+        let right = planes.split_off(neighbours.len());
+        (NormalStencil { width: self.width, couplings: neighbours.into_iter().zip(planes).collect() }, right)
     }
 }
 

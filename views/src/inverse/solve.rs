@@ -102,9 +102,32 @@ impl Problem<'_> {
     /// Root of the mean square of a row's residual over channels, encoded values.
     #[inline]
     fn residual<const N: usize>(&self, row: &Row, smooth: &[[f32; 4]]) -> f32 {
-        let here = row.apply::<N>(smooth, self.grid.width);
-        let square: f32 = self.values[row.sample as usize].iter().zip(here).map(|(v, h)| (v - h) * (v - h)).sum();
-        (square / self.channels as f32).sqrt() * self.slope(row.sample)
+        self.size_of(row, &self.left_with::<N>(row, smooth))
+    }
+
+    /// Root of the mean square of what is left of a row's sample, encoded values.
+    #[inline]
+    fn size_of(&self, row: &Row, left: &[f32; 4]) -> f32 {
+        (left.iter().map(|l| l * l).sum::<f32>() / self.channels as f32).sqrt() * self.slope(row.sample)
+    }
+
+    #[inline]
+    fn left_with<const N: usize>(&self, row: &Row, smooth: &[[f32; 4]]) -> [f32; 4] {
+        let (here, value) = (row.apply::<N>(smooth, self.grid.width), &self.values[row.sample as usize]);
+        std::array::from_fn(|l| value[l] - here[l])
+    }
+
+    /// What the picture `smooth` leaves of a row's sample in every channel, and the root of its mean square in encoded
+    /// values.
+    #[inline]
+    #[must_use]
+    pub fn left(&self, row: &Row, smooth: &[[f32; 4]]) -> ([f32; 4], f32) {
+        let left = match self.grid.basis {
+            Basis::Linear => self.left_with::<2>(row, smooth),
+            Basis::Quadratic => self.left_with::<3>(row, smooth),
+            Basis::Cubic => self.left_with::<4>(row, smooth),
+        };
+        (left, self.size_of(row, &left))
     }
 
     /// Median residual of the samples that count where the contrast is below `contrast`.

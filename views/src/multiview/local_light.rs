@@ -41,12 +41,16 @@ pub(super) fn equalise(
     let side = (CELL * pitch).max(LEAST_SIDE);
     let own = Light::of_view(problem, solution, own, side);
     for part in parts.iter().filter(|p| p.view != target) {
-        let light = Light::of_view(problem, solution, part, side);
+        let mut light = Light::of_view(problem, solution, part, side);
+        for (there, here) in light.means.iter_mut().zip(&own.means) {
+            for (t, h) in there.iter_mut().zip(here) {
+                *t -= h;
+            }
+        }
         for row in &problem.rows[part.rows.clone()] {
-            let cell = light.cell(row.cell as usize, problem.grid.width);
-            let (there, here) = (light.at(&cell), own.at(&cell));
-            for (c, value) in values[row.sample as usize].iter_mut().take(problem.channels).enumerate() {
-                *value -= there[c] - here[c];
+            let difference = light.at(&light.cell(row.cell as usize, problem.grid.width));
+            for (value, d) in values[row.sample as usize].iter_mut().zip(difference) {
+                *value -= d;
             }
         }
     }
@@ -68,14 +72,14 @@ impl Light {
         let usual = solution.residual.max(1e-3) * UNUSUAL;
         let mut sums = vec![[0f32; 4]; width * height];
         for row in &problem.rows[part.rows.clone()] {
-            let p = problem.predicted(row, &solution.smooth);
-            let unusual = p.residual() / usual;
+            let (left, size) = problem.left(row, &solution.smooth);
+            let unusual = size / usual;
             let weight = row.weight / (1.0 + unusual * unusual).powi(2);
             let cell = |pixel: usize| (pixel as f32 / side) as usize;
             let k = row.cell as usize;
             let sum = &mut sums[cell(k / grid.width) * width + cell(k % grid.width)];
-            for c in 0..problem.channels {
-                sum[c] += weight * (p.value[c] - p.here[c]);
+            for (sum, left) in sum.iter_mut().zip(&left[..3]) {
+                *sum += weight * left;
             }
             sum[3] += weight;
         }
