@@ -2,6 +2,7 @@
 
 mod bilinear;
 mod box_mean;
+mod gaussian;
 mod guided_filter;
 mod keys;
 mod plane;
@@ -10,6 +11,7 @@ pub use bilinear::{
     Cell, Position, bilinear_by_differences, bilinear_by_weights, bilinear_shares, bilinear_with_slopes,
 };
 pub use box_mean::{box_mean, box_mean_in_bands};
+pub use gaussian::GaussianFilter;
 pub use guided_filter::{BoxMeans, GuidedFilter};
 pub use keys::{catmull_rom_weights, keys_kernel, keys_weights};
 pub use plane::Plane;

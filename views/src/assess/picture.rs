@@ -1,9 +1,8 @@
 //! Luminance of pictures, reads between its pixels, smoothing.
 
 use lenslet_core::colour::{LUMINANCE_OF_LINEAR, srgb_encode};
-use lenslet_core::image::{Plane, catmull_rom_weights};
+use lenslet_core::image::{GaussianFilter, Plane, catmull_rom_weights};
 use ndarray::{ArrayView1, ArrayView3};
-use rayon::prelude::*;
 
 /// Luminance of one value in linear light, of three channels or one.
 pub(super) fn light_of(value: ArrayView1<'_, f32>) -> f32 {
@@ -51,41 +50,21 @@ pub(super) fn read_between(plane: &Plane, x: f64, y: f64) -> f32 {
 
 /// Gaussian smoothing with standard deviation `sigma` pixels; pixels at the border repeat.
 pub(super) fn gaussian(plane: &Plane, sigma: f64) -> Plane {
-    let taps = gaussian_taps(sigma);
-    let (w, h) = (plane.width, plane.height);
-    let mut wide = vec![0f32; w * h];
-    wide.par_chunks_mut(w).zip(plane.data.par_chunks(w)).for_each(|(out, row)| {
-        for (s, o) in out.iter_mut().enumerate() {
-            *o = smoothed(&taps, s, w, |k| row[k]);
-        }
-    });
-    let mut data = vec![0f32; w * h];
-    data.par_chunks_mut(w).enumerate().for_each(|(t, out)| {
-        for (s, o) in out.iter_mut().enumerate() {
-            *o = smoothed(&taps, t, h, |k| wide[k * w + s]);
-        }
-    });
-    Plane { width: w, height: h, data }
+    let mut smooth = plane.clone();
+    filter_of(sigma).smooth(&mut smooth.data, plane.width, plane.height);
+    smooth
 }
 
 /// Gaussian smoothing of a list; the ends repeat.
 pub(super) fn gaussian_line(values: &[f64], sigma: f64) -> Vec<f64> {
-    let taps = gaussian_taps(sigma);
-    (0..values.len()).map(|k| f64::from(smoothed(&taps, k, values.len(), |k| values[k] as f32))).collect()
+    let mut line: Vec<f32> = values.iter().map(|v| *v as f32).collect();
+    filter_of(sigma).smooth_line(&mut line);
+    line.into_iter().map(f64::from).collect()
 }
 
-/// Weights of a Gaussian at 0, 1, 2 … steps, out to four standard deviations; with the mirrored ones they sum to 1.
-fn gaussian_taps(sigma: f64) -> Vec<f32> {
-    let radius = (4.0 * sigma).ceil() as usize;
-    let taps: Vec<f64> = (0..=radius).map(|k| (-0.5 * (k as f64 / sigma).powi(2)).exp()).collect();
-    let sum = 2.0 * taps.iter().sum::<f64>() - taps[0];
-    taps.into_iter().map(|t| (t / sum) as f32).collect()
-}
-
-#[inline]
-fn smoothed(taps: &[f32], at: usize, length: usize, value: impl Fn(usize) -> f32) -> f32 {
-    let both = |(d, t): (usize, &f32)| t * (value(at.saturating_sub(d)) + value((at + d).min(length - 1)));
-    taps[0] * value(at) + taps.iter().enumerate().skip(1).map(both).sum::<f32>()
+/// Out to four standard deviations.
+fn filter_of(sigma: f64) -> GaussianFilter {
+    GaussianFilter::new(sigma as f32, 4.0)
 }
 
 #[cfg(test)]

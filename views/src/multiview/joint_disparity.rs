@@ -1,7 +1,7 @@
 //! Disparity refined on what the picture leaves: with I the joint fit and J = k ∗ I, minimises Σ w (y − J(p − D·u))² over
 //! D around each pixel, by one Gauss–Newton step a round between two fits.
 
-use lenslet_core::image::Plane;
+use lenslet_core::image::{GaussianFilter, Plane};
 
 use crate::inverse::{Problem, Solution};
 
@@ -59,8 +59,10 @@ impl Corrections {
     /// Corrects the map; `reach`: steps to the outermost view, `residual`: usual residual of the samples.
     pub(super) fn apply(mut self, map: &mut Plane, reach: f32, residual: f32) {
         let (w, h) = (self.width, self.height);
-        gaussian(&mut self.normal, w, h);
-        gaussian(&mut self.right, w, h);
+        // The sum over a window is its area times this mean.
+        let window = GaussianFilter::new(WINDOW, 2.5);
+        window.smooth(&mut self.normal, w, h);
+        window.smooth(&mut self.right, w, h);
         // Damping: the texture at which noise alone moves the disparity by a tenth of a pixel at the outermost view.
         let least = (residual * reach / 0.1).powi(2) * 0.05;
         let limit = STEP / reach.max(1.0);
@@ -68,34 +70,6 @@ impl Corrections {
             *d += (r / (n + least)).clamp(-limit, limit);
         }
         map.data = median_of_nine(&map.data, w, h);
-    }
-}
-
-/// Gaussian mean with [`WINDOW`], edges repeated, in place; the sum over the window is its area times this.
-fn gaussian(data: &mut [f32], w: usize, h: usize) {
-    let radius = (2.5 * WINDOW).ceil() as usize;
-    let mut taps: Vec<f32> = (0..=radius).map(|k| (-(k as f32 / WINDOW).powi(2) / 2.0).exp()).collect();
-    let sum = taps[0] + 2.0 * taps[1..].iter().sum::<f32>();
-    taps.iter_mut().for_each(|t| *t /= sum);
-    let mut line = Vec::new();
-    for row in data.chunks_exact_mut(w) {
-        line.clear();
-        line.extend_from_slice(row);
-        for (s, o) in row.iter_mut().enumerate() {
-            *o = taps[0] * line[s];
-            for (d, tap) in taps.iter().enumerate().skip(1) {
-                *o += tap * (line[s.saturating_sub(d)] + line[(s + d).min(w - 1)]);
-            }
-        }
-    }
-    let before = data.to_vec();
-    for (t, row) in data.chunks_exact_mut(w).enumerate() {
-        for (s, o) in row.iter_mut().enumerate() {
-            *o = taps[0] * before[t * w + s];
-            for (d, tap) in taps.iter().enumerate().skip(1) {
-                *o += tap * (before[t.saturating_sub(d) * w + s] + before[(t + d).min(h - 1) * w + s]);
-            }
-        }
     }
 }
 
