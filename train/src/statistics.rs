@@ -152,6 +152,7 @@ mod tests {
         let (signals, _, codes, a, b) = coded();
         let (mut sa, mut sb) = (Array2::from_elem((90, 90), 2.0), Array2::from_elem((90, 12), 4.0));
         let mut uses = vec![1u64; 90];
+        assert!(codes.nonzeros() > 2 * 700, "{}", codes.nonzeros());
         accumulate_statistics(&codes, signals.view(), 0.5, &mut sa, &mut sb, &mut uses);
         assert!((&sa - &(&a + 1.0)).iter().all(|d| d.abs() < 1e-3));
         assert!((&sb - &(&b + 2.0)).iter().all(|d| d.abs() < 1e-3));
