@@ -140,7 +140,7 @@ mod tests {
         let mut expected = vec![0f32; grid.pixels()];
         for row in &rows {
             sums.add::<N>(row, row.weight, &[2.0, 0.0, 0.0, 0.0]);
-            let value = row.weight * row.apply::<N>(&interleaved(&[picture.clone()]), grid.width)[0];
+            let value = row.weight * row.apply::<N>(&interleaved(std::slice::from_ref(&picture)), grid.width)[0];
             let (bx, by) = (weights::<N>(row.fx), weights::<N>(row.fy));
             for k in 0..N * N {
                 expected[row.cell as usize + k / N * grid.width + k % N] += by[k / N] * bx[k % N] * value;
