@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use fixtures::f01_capture;
-use lenslet_core::calibration::{self, Calibration, Lenslet, Vignetting};
+use lenslet_core::calibration::{self, Calibration, Vignetting};
 use lenslet_core::container;
 use lenslet_core::decode::{HexSamples, SAMPLES_FILE};
 use lenslet_core::geometry::{Lattice, Size};
@@ -19,23 +19,13 @@ const SIDE: usize = 120;
 /// A capture of a grey ramp and the calibration that fits it, both as files.
 fn camera(dir: &Path) -> (PathBuf, PathBuf) {
     let lattice = Lattice::hexagonal(10.0, 0.003, 1.0, [60.2, 59.7]);
-    let placed = lattice.points_within(Size::new(SIDE, SIDE), 0.0);
     let pixels = || (0..SIDE * SIDE).map(|k| (k % SIDE, k / SIDE));
     let ramp = pixels().map(|(x, _)| 600 + 20 * x as u16).collect();
     let capture = f01_capture(SIDE, SIDE, ramp, Some("A000000001"), Some(900), None);
     let lfp = dir.join("ramp.lfp");
     container::write_lfp(&lfp, &capture, false).unwrap();
-    let lenslets = placed.centres.iter().zip(&placed.index);
-    let mut camera = Calibration {
-        width: SIDE,
-        height: SIDE,
-        lattice,
-        lenslets: lenslets.map(|(c, i)| Lenslet { i: i[0], j: i[1], x: c[0], y: c[1], trust: 1.0 }).collect(),
-        quality: Default::default(),
-        vignetting: Some(Vignetting { width: SIDE, height: SIDE, white: vec![32768; SIDE * SIDE] }),
-        hot_pixels: Vec::new(),
-        origin: Default::default(),
-    };
+    let mut camera = Calibration::of_lattice(lattice, Size::new(SIDE, SIDE));
+    camera.vignetting = Some(Vignetting { width: SIDE, height: SIDE, white: vec![32768; SIDE * SIDE] });
     camera.origin.serial = Some("A000000001".into());
     camera.origin.zoom_step = Some(700);
     let calib = dir.join("near.calib");

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
 
-use lenslet_core::calibration::{Calibration, Lenslet, Vignetting};
+use lenslet_core::calibration::{Calibration, Vignetting};
 use lenslet_core::container::{CameraFacts, Capture, Cfa, ColourFacts, Levels, RawMosaic};
 use lenslet_core::decode::{self, Demosaic, Error, HexSamples, Options, RawStep, Steps, ViewStep, WhiteBalance};
 use lenslet_core::geometry::{Lattice, Size};
@@ -28,7 +28,6 @@ fn micro_image(centres: &[[f64; 2]], x: usize, y: usize) -> (f32, usize) {
 /// `disparity` times the pixel's offset from it. `light` multiplies everything.
 fn planted(cfa: Cfa, disparity: f64, light: f32, scene: impl Fn(f64, f64, usize) -> f64) -> (Capture, Calibration) {
     let lattice = Lattice::hexagonal(PITCH, 0.003, 1.0004, [91.3, 76.8]);
-    let placed = lattice.points_within(Size::new(WIDTH, HEIGHT), 0.0);
     // Lenslets whose centres lie off the sensor have micro-images on it, too.
     let mut wide = Lattice::hexagonal(PITCH, 0.003, 1.0004, [91.3 + 30.0, 76.8 + 30.0]);
     let all: Vec<[f64; 2]> = wide
@@ -68,17 +67,8 @@ fn planted(cfa: Cfa, disparity: f64, light: f32, scene: impl Fn(f64, f64, usize)
         white: None,
         warnings: Vec::new(),
     };
-    let lenslets = placed.centres.iter().zip(&placed.index);
-    let calibration = Calibration {
-        width: WIDTH,
-        height: HEIGHT,
-        lattice,
-        lenslets: lenslets.map(|(c, i)| Lenslet { i: i[0], j: i[1], x: c[0], y: c[1], trust: 1.0 }).collect(),
-        quality: Default::default(),
-        vignetting: Some(Vignetting { width: WIDTH, height: HEIGHT, white }),
-        hot_pixels: Vec::new(),
-        origin: Default::default(),
-    };
+    let mut calibration = Calibration::of_lattice(lattice, Size::new(WIDTH, HEIGHT));
+    calibration.vignetting = Some(Vignetting { width: WIDTH, height: HEIGHT, white });
     (capture, calibration)
 }
 

@@ -1,9 +1,8 @@
 //! Disparity as colours and as a point cloud.
 
+use lenslet_core::ensure;
 use lenslet_views::disparity::DepthOrder;
 use ndarray::{Array2, ArrayView2};
-
-use lenslet_core::ensure;
 
 use super::error::Error;
 use crate::image_io::Picture;

@@ -4,10 +4,9 @@ use ndarray::{Array2, Array3, ArrayView2, ArrayView3, ArrayView5, s};
 use rayon::prelude::*;
 
 use lenslet_core::colour::LUMINANCE;
+use lenslet_core::ensure;
 use lenslet_core::image::{Cell, bilinear_by_weights, catmull_rom_weights};
 use lenslet_views::disparity;
-
-use lenslet_core::ensure;
 
 use super::error::Error;
 

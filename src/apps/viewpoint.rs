@@ -4,10 +4,9 @@
 use ndarray::{Array2, Array3, ArrayView3, ArrayView5};
 use rayon::prelude::*;
 
+use lenslet_core::ensure;
 use lenslet_core::image::{Cell, bilinear_by_weights};
 use lenslet_views::disparity::{self, DepthOrder};
-
-use lenslet_core::ensure;
 
 use super::error::Error;
 

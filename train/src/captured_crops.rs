@@ -126,11 +126,10 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
         lenslets: LensletGrid { rotation: parameters.degradation.rotation, offset, ..grid },
         ..Camera::with_sensor(sensor)
     };
-    let measured = match lattice {
-        Some(lattice) => Some(measured_lenslets(lattice, &camera, parameters.degradation.pitch, rng.random())?),
-        None => None,
+    let MeasuredLenslets { camera, centres } = match lattice {
+        Some(lattice) => measured_lenslets(lattice, camera, parameters.degradation.pitch, rng.random())?,
+        None => MeasuredLenslets { camera, centres: Vec::new() },
     };
-    let camera = measured.as_ref().map_or(camera, |m| m.camera.clone());
     let disparity = 0.7 * rng.random::<f64>() - 0.35;
     let options = simulate::SimulationOptions {
         seed: rng.random::<u32>().into(),
@@ -138,10 +137,7 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
         whites: 2,
     };
     let scene = draw(&camera, disparity, options.seed)?;
-    let mut lenslets = Lenslets::new(&camera, options.seed)?;
-    if let Some(measured) = &measured {
-        lenslets = lenslets.moved_to(&measured.centres);
-    }
+    let lenslets = Lenslets::new(&camera, options.seed)?.moved_to(&centres);
     let simulation = simulate::render_capture_through(&scene, &camera, &lenslets, &options, &Silent)?;
     let calibration = calibration::calibrate(&simulation.whites, &calibration::CalibrationOptions::default(), &Silent)?;
     let samples = decode::sample_views(&simulation.capture, &calibration, &decode::Options::default(), &Silent)?;
@@ -190,11 +186,11 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
     Ok(crops)
 }
 
-/// Lenslets of a calibrated camera before a small sensor.
+/// A small camera and the lenslets of its own whose places were measured.
 struct MeasuredLenslets {
-    /// The small camera, its regular lattice laid over them; they have no errors but their own.
+    /// Its lattice is laid over measured lenslets, which have no errors but their own.
     camera: Camera,
-    /// Their centres (x, y), sensor pixels.
+    /// Their centres (x, y), sensor pixels; the others lie where the camera's own do.
     centres: Vec<[f64; 2]>,
 }
 
@@ -202,7 +198,7 @@ struct MeasuredLenslets {
 /// `place` (0..1 in x and y): where the window lies.
 fn measured_lenslets(
     lattice: &CameraLattice,
-    camera: &Camera,
+    camera: Camera,
     pitch: f64,
     place: [f64; 2],
 ) -> Result<MeasuredLenslets, CaptureError> {
@@ -217,39 +213,26 @@ fn measured_lenslets(
         row_stretch: lattice.row_stretch(),
         offset: nearest.unwrap_or(camera.lenslets.offset),
         jitter: 0.0,
-        ..camera.lenslets.clone()
+        ..camera.lenslets
     };
-    Ok(MeasuredLenslets { camera: Camera { lenslets, ..camera.clone() }, centres })
+    Ok(MeasuredLenslets { camera: Camera { lenslets, ..camera }, centres })
 }
 
 #[cfg(test)]
 mod tests {
-    use lenslet_core::calibration::{Calibration, Lattice, Lenslet};
+    use lenslet_core::calibration::{Calibration, Lattice};
 
     use super::*;
 
     /// Views of 400×300 pixels, 5 of them between lenslets, whose rows are stretched and whose lenslets lie askew.
     fn lattice() -> CameraLattice {
         let lattice = Lattice::hexagonal(10.0, 0.01, 1.04, [400.0, 300.0]);
-        let points = lattice.points_within(Size::new(800, 600), 0.0);
         let askew = |i: i32, j: i32| 0.2 * f64::from((7 * i + 13 * j).rem_euclid(5)) - 0.4;
-        let lenslet = |(&[i, j], &[x, y]): (&[i32; 2], &[f64; 2])| Lenslet {
-            i,
-            j,
-            x: x + askew(i, j),
-            y: y - askew(j, i),
-            trust: 1.0,
-        };
-        let calibration = Calibration {
-            width: 800,
-            height: 600,
-            lattice,
-            lenslets: points.index.iter().zip(&points.centres).map(lenslet).collect(),
-            vignetting: None,
-            hot_pixels: Vec::new(),
-            quality: Default::default(),
-            origin: Default::default(),
-        };
+        let mut calibration = Calibration::of_lattice(lattice, Size::new(800, 600));
+        for l in &mut calibration.lenslets {
+            l.x += askew(l.i, l.j);
+            l.y -= askew(l.j, l.i);
+        }
         CameraLattice::of_calibration(&calibration, 400).unwrap()
     }
 
@@ -257,7 +240,7 @@ mod tests {
     fn the_small_camera_has_every_lenslet_of_the_window_at_its_place() {
         let camera =
             Camera { lenslets: LensletGrid { rotation: 0.01, ..LensletGrid::default() }, ..Camera::with_sensor(240) };
-        let measured = measured_lenslets(&lattice(), &camera, 5.0, [0.3, 0.6]).unwrap();
+        let measured = measured_lenslets(&lattice(), camera, 5.0, [0.3, 0.6]).unwrap();
         let regular = Lenslets::new(&measured.camera, 1).unwrap();
         let moved = regular.clone().moved_to(&measured.centres);
         let distances = |lenslets: &Lenslets| -> Vec<f64> {

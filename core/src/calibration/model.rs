@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::geometry::Size;
 pub use crate::geometry::{Grid, Lattice};
 
 /// One lenslet whose centre lies on the sensor.
@@ -96,6 +97,31 @@ pub struct Calibration {
 }
 
 impl Calibration {
+    /// A camera of which only the lattice is known: every lenslet of a sensor of this `size` at its regular place.
+    ///
+    /// ```
+    /// use lenslet_core::calibration::{Calibration, Lattice};
+    /// use lenslet_core::geometry::Size;
+    /// let lattice = Lattice::hexagonal(10.0, 0.003, 1.0, [60.2, 59.7]);
+    /// let camera = Calibration::of_lattice(lattice, Size::new(120, 120));
+    /// assert!(camera.lenslets.iter().all(|l| [l.x, l.y] == camera.lattice.centre(l.i, l.j)));
+    /// ```
+    #[must_use]
+    pub fn of_lattice(lattice: Lattice, size: Size) -> Self {
+        let points = lattice.points_within(size, 0.0);
+        let lenslet = |(&[i, j], &[x, y]): (&[i32; 2], &[f64; 2])| Lenslet { i, j, x, y, trust: 1.0 };
+        Calibration {
+            width: size.width,
+            height: size.height,
+            lattice,
+            lenslets: points.index.iter().zip(&points.centres).map(lenslet).collect(),
+            quality: CalibrationQuality::default(),
+            vignetting: None,
+            hot_pixels: Vec::new(),
+            origin: CalibrationOrigin::default(),
+        }
+    }
+
     /// Lenslet centres (x, y) in sensor pixels (x right, y down, pixel centres at integers), sorted by (j, i).
     pub fn centres(&self) -> impl ExactSizeIterator<Item = [f64; 2]> {
         self.lenslets.iter().map(|l| [l.x, l.y])

@@ -7,8 +7,7 @@ use rayon::prelude::*;
 /// ```
 /// use lenslet_core::image::GaussianFilter;
 /// let mut line = vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
-/// let height = line.len();
-/// GaussianFilter::new(1.0, 4.0).smooth(&mut line, 1, height);
+/// GaussianFilter::new(1.0, 4.0).smooth_line(&mut line);
 /// assert!((line[3] - 0.3989).abs() < 1e-3 && line[2] == line[4]);
 /// ```
 #[derive(Debug, Clone)]
@@ -33,9 +32,7 @@ impl GaussianFilter {
         if width == 0 || height == 0 {
             return;
         }
-        if width > 1 {
-            data.par_chunks_exact_mut(width).for_each(|row| self.smooth_line(row));
-        }
+        data.par_chunks_exact_mut(width).for_each(|row| self.smooth_line(row));
         let before = data.to_vec();
         data.par_chunks_exact_mut(width).enumerate().for_each(|(t, row)| {
             for (s, o) in row.iter_mut().enumerate() {

@@ -97,32 +97,20 @@ impl CameraLattice {
 
 #[cfg(test)]
 mod tests {
-    use lenslet_core::calibration::{Lattice, Lenslet};
+    use lenslet_core::calibration::Lattice;
 
     use super::*;
 
     /// A camera with stretched rows and a displacement of its own for every lenslet.
     fn calibration() -> Calibration {
         let lattice = Lattice::hexagonal(10.0, 0.01, 1.02, [400.0, 300.0]);
-        let points = lattice.points_within(Size::new(800, 600), 0.0);
         let own = |i: i32, j: i32| 0.2 * f64::from((7 * i + 13 * j).rem_euclid(5)) - 0.4;
-        let lenslet = |(&[i, j], &[x, y]): (&[i32; 2], &[f64; 2])| Lenslet {
-            i,
-            j,
-            x: x + own(i, j),
-            y: y - own(j, i),
-            trust: 1.0,
-        };
-        Calibration {
-            width: 800,
-            height: 600,
-            lattice,
-            lenslets: points.index.iter().zip(&points.centres).map(lenslet).collect(),
-            vignetting: None,
-            hot_pixels: Vec::new(),
-            quality: Default::default(),
-            origin: Default::default(),
+        let mut calibration = Calibration::of_lattice(lattice, Size::new(800, 600));
+        for l in &mut calibration.lenslets {
+            l.x += own(l.i, l.j);
+            l.y -= own(l.j, l.i);
         }
+        calibration
     }
 
     #[test]

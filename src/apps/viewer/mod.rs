@@ -1,12 +1,11 @@
 //! The viewer page: a light field as one HTML file that loads nothing from outside. Refocusing and perspective in
 //! WebGL2, in a plain canvas where there is none.
 
+use lenslet_core::ensure;
 use lenslet_views::disparity::DepthOrder;
 use ndarray::{Array2, ArrayView5, Axis, s};
 use rayon::prelude::*;
 use serde_json::{Value, json};
-
-use lenslet_core::ensure;
 
 use super::error::Error;
 use crate::image_io::{Picture, shrink};

@@ -6,6 +6,7 @@
 use std::collections::HashMap;
 
 use lenslet_core::decode::HexSamples;
+use lenslet_core::ensure;
 use lenslet_core::geometry::Size;
 use ndarray::{Array3, ArrayView3, Axis};
 
@@ -14,7 +15,6 @@ use super::ray_places::{BORDER, sample_points};
 use super::withheld::hash_of;
 use crate::Error;
 use crate::target::view_pitch;
-use lenslet_core::ensure;
 
 /// One lenslet in this many is a candidate; those next to another one are not hidden.
 ///
@@ -74,7 +74,7 @@ fn score_hidden(
 ) -> Result<HolesScore, Error> {
     let (height, width, _) = image.dim();
     ensure!(
-        crate::Error::Shape,
+        Error::Shape,
         (width, height) == (size.width, size.height),
         "the rendered view has another size: {width}x{height} instead of {}x{}",
         size.width,
@@ -91,7 +91,7 @@ fn score_hidden(
         sum += f64::from(error).powi(2);
         lenslets += 1;
     }
-    ensure!(crate::Error::Shape, lenslets > 0, "no lenslet was hidden away from the border");
+    ensure!(Error::Shape, lenslets > 0, "no lenslet was hidden away from the border");
     Ok(HolesScore { psnr: -10.0 * (sum / lenslets as f64).max(1e-20).log10(), lenslets })
 }
 

@@ -1,7 +1,8 @@
 //! Lines given by hand: a polyline a row of text.
 
-use crate::Error;
 use lenslet_core::ensure;
+
+use crate::Error;
 
 /// Longest list that is read, rows.
 ///
@@ -32,14 +33,14 @@ pub fn parse_lines(text: &str) -> Result<Vec<Vec<[f64; 2]>>, Error> {
             row.split([' ', '\t', ',', '\r']).filter(|w| !w.is_empty()).map(number).collect();
         let is_polyline = numbers.as_ref().is_some_and(|n| n.len() >= 4 && n.len() % 2 == 0);
         ensure!(
-            crate::Error::Parameter,
+            Error::Parameter,
             is_polyline,
             "row {} is no line: `x y x y …`, pixels of the view, two places or more",
             k + 1
         );
         lines.extend(numbers.map(|n| n.chunks_exact(2).map(|p| [p[0], p[1]]).collect()));
-        ensure!(crate::Error::Parameter, lines.len() <= MOST, "more than {MOST} lines");
+        ensure!(Error::Parameter, lines.len() <= MOST, "more than {MOST} lines");
     }
-    ensure!(crate::Error::Parameter, !lines.is_empty(), "there are no lines in it");
+    ensure!(Error::Parameter, !lines.is_empty(), "there are no lines in it");
     Ok(lines)
 }

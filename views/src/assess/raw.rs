@@ -8,6 +8,7 @@
 use lenslet_core::calibration::Calibration;
 use lenslet_core::container::Capture;
 use lenslet_core::decode::{self, HexSamples, RawStep};
+use lenslet_core::ensure;
 use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::progress::Observer;
@@ -22,7 +23,6 @@ use crate::Error;
 use crate::multiview::{self, SampleSet, estimate_disparities};
 use crate::renderer::InterpolatedViews;
 use crate::target::mean_pitch;
-use lenslet_core::ensure;
 
 /// Distances of pixels from their lenslet's centre by the first calibration, pitches.
 ///
@@ -91,11 +91,7 @@ pub fn compare_calibrations(
     longer: usize,
     observer: &dyn Observer,
 ) -> Result<Vec<RawScore>, Error> {
-    ensure!(
-        crate::Error::Shape,
-        calibrations.len() >= 2,
-        "calibrations are compared with each other: two or more are needed"
-    );
+    ensure!(Error::Shape, calibrations.len() >= 2, "calibrations are compared with each other: two or more are needed");
     let size = Size::new(capture.mosaic.width, capture.mosaic.height).with_longer_side(longer);
     observer.begin("raw pixels", calibrations.len() as u64);
     let mut pixels: Vec<Pixel> = Vec::new();
@@ -118,7 +114,7 @@ pub fn compare_calibrations(
     let mut sorted = missed.clone();
     sorted.sort_unstable_by(f64::total_cmp);
     ensure!(
-        crate::Error::Shape,
+        Error::Shape,
         sorted.len() >= LEAST_PIXELS,
         "only {} raw pixels are foretold by all calibrations, {LEAST_PIXELS} are needed",
         sorted.len()

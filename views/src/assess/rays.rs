@@ -7,6 +7,7 @@
 //! out (surfaces hidden in one of the views).
 
 use lenslet_core::decode::HexSamples;
+use lenslet_core::ensure;
 use lenslet_core::geometry::Size;
 use lenslet_core::image::Plane;
 use lenslet_core::interpolation::Interpolation;
@@ -22,7 +23,6 @@ use crate::Error;
 use crate::multiview::{self, RefinedViews, SampleSet};
 use crate::renderer::InterpolatedViews;
 use crate::target::{mean_pitch, view_pitch};
-use lenslet_core::ensure;
 
 /// Offsets of the views whose samples are foretold, in pitches: the longer of |u| and |v|, and |u| + |v| at most.
 ///
@@ -80,7 +80,7 @@ impl Rays {
     /// [`Error::Shape`] where fewer than 200 rays can be told; errors of the refinement; interruption.
     pub fn find(samples: &HexSamples, size: &Size, observer: &dyn Observer) -> Result<Rays, Error> {
         ensure!(
-            crate::Error::Shape,
+            Error::Shape,
             samples.index.len() == samples.centres.len(),
             "the samples contradict each other: {} lattice indices of {} lenslets",
             samples.index.len(),
@@ -111,7 +111,7 @@ impl Rays {
         };
         rays.leave_out_hidden();
         ensure!(
-            crate::Error::Shape,
+            Error::Shape,
             rays.count() >= LEAST_RAYS,
             "only {} samples of other views lie between those of the middle view on smooth surfaces, {LEAST_RAYS} are \
              needed: the scene is all but at disparity 0, or the capture too small",
@@ -179,7 +179,7 @@ impl Rays {
         picture: ArrayView3<'_, f32>,
         truth: ArrayView3<'_, f32>,
     ) -> Result<RayErrors, Error> {
-        ensure!(crate::Error::Shape, picture.dim() == truth.dim(), "picture and truth have other sizes");
+        ensure!(Error::Shape, picture.dim() == truth.dim(), "picture and truth have other sizes");
         let truth = encoded_light(truth);
         self.sum_errors(picture, |ray| read_between(&truth, f64::from(ray.x), f64::from(ray.y)))
     }
@@ -187,7 +187,7 @@ impl Rays {
     fn sum_errors(&self, picture: ArrayView3<'_, f32>, wanted: impl Fn(&Ray) -> f32) -> Result<RayErrors, Error> {
         let (height, width, _) = picture.dim();
         ensure!(
-            crate::Error::Shape,
+            Error::Shape,
             (width, height) == (self.size.width, self.size.height),
             "a picture of {width}x{height} pixels, the rays were found for {}x{}",
             self.size.width,

@@ -22,7 +22,7 @@ pub enum Basis {
 
 impl Basis {
     /// Cubic for footprints of about two pixels, whose picture has detail close to the limit of the pixels; fewer pixels
-    /// for larger ones. A disc of 3.29 pixels loses 0.03 to 0.06 dB by bilinear interpolation, a box of three pixels 0.1
+    /// for larger ones. By bilinear interpolation a disc of 3.29 pixels loses 0.03 to 0.06 dB, a box of three pixels up
     /// to 0.3 dB.
     #[must_use]
     pub fn for_footprint(footprint: &SampleFootprint) -> Self {

@@ -1,6 +1,7 @@
 //! Disparity of every view: searched in the middle view, made exact by the samples, carried to every other view: the
 //! nearest surface in front, gaps filled with what lies behind.
 
+use lenslet_core::ensure;
 use lenslet_core::progress::Observer;
 use ndarray::Array2;
 use rayon::prelude::*;
@@ -11,7 +12,6 @@ use super::sample_set::SampleSet;
 use super::view_disparities::{ViewDisparities, view_offset};
 use crate::Error;
 use crate::disparity::{self, DepthOrder, Disparity, ViewLight, carry_plane_to_view};
-use lenslet_core::ensure;
 use lenslet_core::image::Plane;
 
 /// Estimates the middle view's disparity, unless `options.known` gives it, and carries it to all views.
@@ -28,7 +28,7 @@ pub fn estimate_disparities(
     let middle = match &options.known {
         Some(known) => {
             ensure!(
-                crate::Error::Shape,
+                Error::Shape,
                 !known.is_empty() && known.iter().all(|d| d.is_finite()),
                 "the known disparity has values that are not numbers"
             );

@@ -1,6 +1,7 @@
 //! A score with no ground truth: hide some lenslets of a real capture, render from the rest, measure where they were.
 
 use lenslet_core::decode::HexSamples;
+use lenslet_core::ensure;
 use lenslet_core::geometry::SensorToView;
 use lenslet_core::geometry::Size;
 use lenslet_core::sampling::bicubic::bicubic_at;
@@ -10,7 +11,6 @@ use rand::{RngExt, SeedableRng};
 
 use crate::Error;
 use crate::target::mean_pitch;
-use lenslet_core::ensure;
 
 /// The score of the prediction of hidden lenslets.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,16 +36,16 @@ pub fn hidden_score<E: From<Error>>(
     render: &mut dyn FnMut(&HexSamples) -> Result<Array3<f32>, E>,
 ) -> Result<HiddenScore, E> {
     ensure!(
-        crate::Error::Shape,
+        Error::Shape,
         share > 0.0 && share < 0.5,
         "the share of hidden lenslets must be above 0 and below 0.5, not {share}"
     );
     let (views, n, channels) = samples.values.dim();
     let inside = at.0 < samples.views && at.1 < samples.views && views == samples.views * samples.views;
-    ensure!(crate::Error::Shape, inside, "there is no view {},{}", at.0, at.1);
+    ensure!(Error::Shape, inside, "there is no view {},{}", at.0, at.1);
     let index = samples.view_index(at.0, at.1);
     ensure!(
-        crate::Error::Shape,
+        Error::Shape,
         n == samples.centres.len(),
         "the samples contradict each other: {n} values at {} places",
         samples.centres.len()
@@ -64,7 +64,7 @@ pub fn hidden_score<E: From<Error>>(
     };
     let image = render(&rest)?;
     ensure!(
-        crate::Error::Shape,
+        Error::Shape,
         image.dim() == (target.height, target.width, channels),
         "the rendered view has another size: {:?}",
         image.dim()
@@ -85,6 +85,6 @@ pub fn hidden_score<E: From<Error>>(
         }
         count += 1;
     }
-    ensure!(crate::Error::Shape, count > 0, "no lenslet was hidden away from the border");
+    ensure!(Error::Shape, count > 0, "no lenslet was hidden away from the border");
     Ok(HiddenScore { psnr: -10.0 * (sum / (count * channels) as f64).max(1e-20).log10(), lenslets: count })
 }

@@ -45,7 +45,7 @@ const LIGHT_ROUNDS: usize = 2;
 /// Steps of the solver each of these times, and in the last solution, for each pixel that the footprint reaches: wide
 /// footprints need more.
 ///
-/// Source: chosen for the time they take; twice as many change scores by 0.2 dB at most, up or down.
+/// Source: chosen for the time they take; 6 and 12 at every width change scores by −0.24 to 0.08 dB.
 const STEPS: [f64; 2] = [4.0, 6.5];
 
 /// What all views share: the footprint's kernel, the slope of the encoding at each sample, the views' models.

@@ -1,5 +1,6 @@
 //! Views refined by all the others (section 4.3), rendered one by one or side by side.
 
+use lenslet_core::ensure;
 use lenslet_core::progress::Observer;
 use ndarray::Array3;
 use rayon::prelude::*;
@@ -12,7 +13,6 @@ use super::view_disparities::ViewDisparities;
 use super::{smooth_fit, triangulated};
 use crate::Error;
 use crate::target::PixelSink;
-use lenslet_core::ensure;
 
 /// Views rendered side by side: each takes about 100 MiB at 1080×1080, however many threads there are.
 ///
@@ -88,7 +88,7 @@ impl<'a> RefinedViews<'a> {
     pub fn render_view(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {
         let (rows, columns) = self.views();
         ensure!(
-            crate::Error::Parameter,
+            Error::Parameter,
             v < rows && u < columns,
             "there is no view {v},{u}: there are only {rows}x{columns} views"
         );

@@ -2,6 +2,7 @@
 
 use lenslet_core::colour::{LUMINANCE, srgb_decode, srgb_encode};
 use lenslet_core::decode::HexSamples;
+use lenslet_core::ensure;
 use lenslet_core::geometry::SensorToView;
 use lenslet_core::geometry::Size;
 use lenslet_core::image::Plane;
@@ -13,7 +14,6 @@ use crate::Error;
 use crate::disparity::ViewLight;
 use crate::inverse::SampleFootprint;
 use crate::target::mean_pitch;
-use lenslet_core::ensure;
 
 /// Samples of every view at common places, and the target they are to fill.
 pub struct SampleSet<'a> {
@@ -69,7 +69,7 @@ impl<'a> SampleSet<'a> {
         let n = samples.centres.len();
         let (views, count, _) = samples.values.dim();
         ensure!(
-            crate::Error::Shape,
+            Error::Shape,
             views == samples.views * samples.views && count == n,
             "the samples contradict each other: {views} views of {count} values at {n} places"
         );
@@ -97,7 +97,7 @@ impl<'a> SampleSet<'a> {
     /// Light fields of other than 1 or 3 channels, empty ones.
     pub fn rectangular(field: &'a LightField, target: &Size) -> Result<Self, Error> {
         let (rows, columns, height, width, channels) = field.data.dim();
-        ensure!(crate::Error::Shape, width > 0 && height > 0, "the views are empty");
+        ensure!(Error::Shape, width > 0 && height > 0, "the views are empty");
         let (fx, fy) = (target.width as f32 / width as f32, target.height as f32 / height as f32);
         let points = (0..height)
             .flat_map(|t| (0..width).map(move |s| [(s as f32 + 0.5) * fx - 0.5, (t as f32 + 0.5) * fy - 0.5]))
@@ -159,15 +159,15 @@ impl<'a> SampleSet<'a> {
     ) -> Result<Self, Error> {
         let channels = values.len_of(Axis(2));
         ensure!(
-            crate::Error::Shape,
+            Error::Shape,
             channels == 1 || channels == 3,
             "multi-view refinement needs 1 or 3 channels, not {channels}"
         );
-        ensure!(crate::Error::Shape, rows * columns >= 1 && !points.is_empty(), "there are no samples");
+        ensure!(Error::Shape, rows * columns >= 1 && !points.is_empty(), "there are no samples");
         let strange = values.iter().filter(|v| !v.is_finite()).count();
-        ensure!(crate::Error::Shape, strange == 0, "{strange} values of the samples are not numbers");
+        ensure!(Error::Shape, strange == 0, "{strange} values of the samples are not numbers");
         ensure!(
-            crate::Error::Shape,
+            Error::Shape,
             (1..=16384).contains(&target.width) && (1..=16384).contains(&target.height),
             "views of {}x{} pixels are out of range: 1 to 16384 a side",
             target.width,
@@ -176,7 +176,7 @@ impl<'a> SampleSet<'a> {
         let lane = |v: ArrayView1<f32>| if channels == 3 { [v[0], v[1], v[2], 0.0] } else { [v[0], 0.0, 0.0, 0.0] };
         let lanes = values.rows().into_iter().map(lane).collect();
         ensure!(
-            crate::Error::Shape,
+            Error::Shape,
             weights.len() == rows * columns && weights.iter().all(|w| (0.0..=1.0).contains(w)),
             "{} weights (0 to 1) for {} views",
             weights.len(),

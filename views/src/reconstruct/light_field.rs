@@ -1,6 +1,7 @@
 //! Whole light fields, view after view.
 
 use lenslet_core::decode::HexSamples;
+use lenslet_core::ensure;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{ColourSpace, Meta, Srgb, View, ViewSink, ViewSource, colour};
 use lenslet_core::progress::Observer;
@@ -10,7 +11,6 @@ use ndarray::Array3;
 use super::data_consistent::DataConsistent;
 use super::reconstructor::Reconstructor;
 use crate::Error;
-use lenslet_core::ensure;
 
 /// What is done to a view before it is reconstructed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,7 +55,7 @@ pub fn reconstruct_light_field(
     observer: &dyn Observer,
 ) -> Result<(), Error> {
     if let Enlargement::Bicubic(f) = enlargement {
-        ensure!(crate::Error::Parameter, (1.0..=16.0).contains(&f), "views cannot be enlarged by {f} (1 to 16)");
+        ensure!(Error::Parameter, (1.0..=16.0).contains(&f), "views cannot be enlarged by {f} (1 to 16)");
     }
     let meta: &Meta = source.meta();
     let [rows, columns] = meta.views;
@@ -68,7 +68,7 @@ pub fn reconstruct_light_field(
     let consistent = match samples {
         Some((samples, noise)) => {
             ensure!(
-                crate::Error::Shape,
+                Error::Shape,
                 samples.views == rows && samples.views == columns && samples.values.dim().0 == rows * columns,
                 "the samples are of {0}x{0} views, the light field has {rows}x{columns}",
                 samples.views

@@ -3,6 +3,7 @@
 use lenslet_core::colour::{LUMINANCE, srgb_encode};
 use lenslet_core::decode::HexSamples;
 use lenslet_core::dictionary::Footprint;
+use lenslet_core::ensure;
 use lenslet_core::geometry::SensorToView;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::noise::NoiseCurve;
@@ -12,7 +13,6 @@ use ndarray::{Array2, ArrayView2, Axis};
 use super::noise::{Neighbours, estimate_noise};
 use super::sampling_operator::{SamplingOperator, back_project};
 use crate::Error;
-use lenslet_core::ensure;
 
 /// Rounds of back-projection.
 ///
@@ -128,7 +128,7 @@ impl Measurements {
 /// Luminance of samples (lenslets, 1 or 3 channels) in linear light, as encoded views have it.
 pub(super) fn encoded_luminance(values: ArrayView2<'_, f32>) -> Result<Vec<f32>, Error> {
     let channels = values.ncols();
-    ensure!(crate::Error::Shape, channels == 1 || channels == 3, "samples of {channels} channels: 1 or 3 are needed");
+    ensure!(Error::Shape, channels == 1 || channels == 3, "samples of {channels} channels: 1 or 3 are needed");
     let encode = |v: f32| srgb_encode(v.clamp(0.0, 1.0));
     Ok(values
         .rows()

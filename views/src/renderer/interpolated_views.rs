@@ -1,6 +1,7 @@
 //! Views interpolated from samples, each from its own or from those of all views (paper sections 4.1 to 4.3).
 
 use lenslet_core::decode::HexSamples;
+use lenslet_core::ensure;
 use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::View;
@@ -11,7 +12,6 @@ use crate::Error;
 use crate::interpolate::{ViewInterpolator, prepare_interpolator};
 use crate::multiview::{self, RefinedViews, SampleSet};
 use crate::target::Sink;
-use lenslet_core::ensure;
 
 /// Samples prepared for one interpolation at one size: any view can be rendered from them, in linear light.
 pub struct InterpolatedViews<'a> {
@@ -67,7 +67,7 @@ impl<'a> InterpolatedViews<'a> {
     /// A view that does not exist.
     pub fn render_view(&self, v: usize, u: usize) -> Result<View, Error> {
         let n = self.samples.views;
-        ensure!(crate::Error::Parameter, v < n && u < n, "there is no view {v},{u}: there are {n}x{n} views");
+        ensure!(Error::Parameter, v < n && u < n, "there is no view {v},{u}: there are {n}x{n} views");
         let pixels = match &self.source {
             Source::Single(interpolator) => interpolator.interpolate_view(self.samples.view(v, u))?,
             Source::Refined(refined) => refined.render_view(v, u)?,
