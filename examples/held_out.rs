@@ -85,7 +85,7 @@ fn row(
         let on = if *base == Interpolation::Barycentric { String::new() } else { format!(" on {base}") };
         let model = dictionary.model(Options::default().footprint).context("an embedded dictionary is empty")?;
         for predictor in model.patch_model.predictors() {
-            let options = Options { mode: Mode::of(predictor), ..Options::default() };
+            let options = Options { mode: Mode::Only(predictor), ..Options::default() };
             let prepared = LearnedViews::prepare(samples, *base, &target, dictionary, &options, &Silent)?;
             let view = prepared.reconstruct_view(&low[base], middle, middle)?;
             row.push((format!("{predictor}{on}"), score(view.encode().pixels(), truth)?));

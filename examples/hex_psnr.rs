@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use clap::Parser as _;
-use lenslet_core::dictionary::{self, Dictionary, Footprint};
+use lenslet_core::dictionary::{self, Dictionary, Footprint, PatchPredictor};
 use lenslet_core::lightfield::ColourSpace;
 use lenslet_core::metrics::{BORDER, Scores, Window};
 use lenslet_core::sampling::{self, Cubic, DEFAULT_PITCH, DEFAULT_ROTATION, Weights, bicubic, lattice_samples};
@@ -114,12 +114,12 @@ fn methods(
     add("barycentric", &mut || Ok(low.clone()))?;
     add("cubic", &mut || Ok(plane(Cubic::new(&placed.centres, (w, h), (w, h))?.apply(values.view())?)))?;
     let modes = [
-        ("ridge", Mode::Ridge),
-        ("anchored", Mode::Anchored),
-        ("lasso", Mode::Lasso),
+        ("ridge", Mode::Only(PatchPredictor::Ridge)),
+        ("anchored", Mode::Only(PatchPredictor::Anchored)),
+        ("lasso", Mode::Only(PatchPredictor::Lasso)),
         ("learned", Mode::Learned),
         ("fast", Mode::Fast),
-        ("network", Mode::Network),
+        ("network", Mode::Only(PatchPredictor::Network)),
         ("best", Mode::Best),
     ];
     for (name, mode) in modes {

@@ -14,7 +14,7 @@ use anyhow::Context as _;
 use clap::Parser as _;
 use lenslet_core::calibration;
 use lenslet_core::decode;
-use lenslet_core::dictionary::{self, Dictionary, PatchPredictor};
+use lenslet_core::dictionary::{self, Dictionary};
 use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{ColourSpace, View, colour};
@@ -52,10 +52,8 @@ struct Arguments {
 }
 
 fn parse_mode(name: &str) -> Result<Mode, String> {
-    let known = [Mode::Learned, Mode::Fast, Mode::Best].into_iter().chain(PatchPredictor::ALL.map(Mode::of));
-    let known: Vec<Mode> = known.collect();
-    let names = || known.iter().map(|m| m.name()).collect::<Vec<_>>().join(", ");
-    known.iter().copied().find(|m| m.name() == name).ok_or_else(names)
+    let names = || Mode::all().map(Mode::name).collect::<Vec<_>>().join(", ");
+    Mode::all().find(|m| m.name() == name).ok_or_else(names)
 }
 
 fn parse_scene(name: &str) -> Result<SceneName, String> {
@@ -90,7 +88,7 @@ fn scored(kind: SceneName, a: &Arguments, dictionary: &Dictionary) -> anyhow::Re
     let cubic = samples.renderer(Interpolation::Cubic).size(target).prepare()?;
     let predictors = dictionary.model(options.footprint).context("no model")?.patch_model.predictors();
     let others = predictors.map(|p| {
-        let options = Options { mode: Mode::of(p), ..Options::default() };
+        let options = Options { mode: Mode::Only(p), ..Options::default() };
         Ok((p, LearnedViews::prepare(&samples, interpolation, &target, dictionary, &options, &Silent)?))
     });
     let others = others.collect::<anyhow::Result<Vec<_>>>()?;

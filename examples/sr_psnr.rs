@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use anyhow::{Context, ensure};
 use clap::Parser as _;
 use image::DynamicImage;
-use lenslet_core::dictionary::{self, Footprint};
+use lenslet_core::dictionary::{self, Footprint, PatchPredictor};
 use lenslet_core::sampling::bicubic;
 use lenslet_data_gen::photo::{ReductionKernel, reduce_plane};
 use lenslet_views::reconstruct::{Mode, Options, Reconstructor};
@@ -74,7 +74,12 @@ fn main() -> anyhow::Result<()> {
     let Arguments { step, ensemble, lambda, .. } = a;
     let options = Options { footprint: Footprint::Grid, step, ensemble, lambda, ..Options::default() };
     // `learned` is the LASSO codes, `fast` the anchored regressors; no codes leave the bicubic enlargement as it is.
-    let modes = [("ridge", Mode::Ridge), ("fast", Mode::Fast), ("learned", Mode::Learned), ("best", Mode::Best)];
+    let modes = [
+        ("ridge", Mode::Only(PatchPredictor::Ridge)),
+        ("fast", Mode::Fast),
+        ("learned", Mode::Learned),
+        ("best", Mode::Best),
+    ];
     let mut methods = Vec::new();
     for (name, mode) in modes {
         methods.push((name, Reconstructor::new(&dictionary, &Options { mode, ..options.clone() })?));

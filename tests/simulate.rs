@@ -8,6 +8,7 @@ use std::process::{Command, Output};
 use lenslet_core::calibration::{self, Calibration};
 use lenslet_core::container;
 use lenslet_core::decode::{self, HexSamples};
+use lenslet_core::dictionary::PatchPredictor;
 use lenslet_core::geometry::Size;
 use lenslet_core::lightfield::{self, ColourSpace, ReadOptions, colour};
 use lenslet_core::metrics;
@@ -69,7 +70,8 @@ fn calibration_finds_the_true_centres_and_methods_come_in_their_order() {
         let options = reconstruct::Options { mode, ..reconstruct::Options::default() };
         psnr(Method::barycentric().learned_with(Learned { options, ..Learned::default() }))
     };
-    let (learned, no_codes, ridge) = (by(Mode::Learned), by(Mode::NoCodes), by(Mode::Ridge));
+    let (learned, no_codes, ridge) =
+        (by(Mode::Learned), by(Mode::Only(PatchPredictor::NoCodes)), by(Mode::Only(PatchPredictor::Ridge)));
     println!("bicubic {bicubic:.2} dB, barycentric {barycentric:.2} dB, cubic {cubic:.2} dB");
     println!("no codes {no_codes:.2} dB, ridge {ridge:.2} dB, LASSO {learned:.2} dB");
     assert!(bicubic > 20.0 && barycentric > bicubic + 0.5, "{bicubic} {barycentric}");

@@ -77,7 +77,7 @@ impl World {
     fn psnr(&self, dictionary: &Dictionary, model: &Model) -> Psnr {
         let refined = model.base == Interpolation::Multiview;
         let by = |predictor: PatchPredictor| {
-            let options = Options { mode: Mode::of(predictor), ..Options::default() };
+            let options = Options { mode: Mode::Only(predictor), ..Options::default() };
             let (samples, target) = (&self.samples, &self.target);
             let learned = LearnedViews::prepare(samples, model.base, target, dictionary, &options, &Silent).unwrap();
             let view = learned.reconstruct_view(&self.low[usize::from(refined)], MIDDLE, MIDDLE).unwrap();
@@ -116,7 +116,7 @@ fn enlarged(dictionary: &Dictionary, model: &Model, photo: &Path) -> Psnr {
         Scores::between(shown.view(), truth.view().insert_axis(Axis(2)), &window).unwrap().psnr_y
     };
     let by = |predictor: PatchPredictor| {
-        let options = Options { mode: Mode::of(predictor), footprint: Footprint::Grid, ..Options::default() };
+        let options = Options { mode: Mode::Only(predictor), footprint: Footprint::Grid, ..Options::default() };
         let reconstructor = Reconstructor::new(dictionary, &options).unwrap();
         (predictor.name(), score(&reconstructor.reconstruct_plane(low.view(), &[]).unwrap()))
     };

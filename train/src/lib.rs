@@ -11,20 +11,19 @@
 //! Nothing here prints. The same photos, parameters and seed give the same dictionary on any number of threads, and a
 //! run resumed from its checkpoint gives what the uninterrupted run gives.
 
-pub mod anchored;
 mod api;
 mod atoms;
 mod captured_crops;
 mod checkpoint;
 mod error;
 pub mod ksvd;
-pub mod network;
 mod normalised_pairs;
 pub mod online;
 pub mod optimiser;
 mod parameters;
 #[cfg(test)]
 mod planted;
+mod predictors;
 mod recipe;
 pub mod refine;
 pub mod regression;
@@ -42,5 +41,6 @@ pub use parameters::{
     Algorithm, AnchorParameters, Coupling, DegradationParameters, DictionaryParameters, KsvdUpdate, NetworkParameters,
     PairParameters, Parameters, RefinementParameters,
 };
+pub use predictors::{anchored, network};
 pub use trace::{Epoch, EpochSummary};
 pub use training_crops::TrainingCrops;

@@ -6,45 +6,32 @@ use std::borrow::Cow;
 use std::path::Path;
 use std::time::Instant;
 
-use lenslet_core::dictionary::{
-    Anchored, Dictionary, Footprint, Model, Network, PatchModel, PatchPredictor, Recipe, Storage,
-};
+use lenslet_core::dictionary::{Dictionary, Footprint, Model, PatchModel, PatchPredictor, Recipe, Storage};
 use lenslet_core::progress::Observer;
 use lenslet_data_gen::pairs::{Crop, Degradation};
 use ndarray::Array2;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 
-use crate::anchored::{fit_regressors, learn_anchors};
 use crate::atoms::initial_atoms;
 use crate::checkpoint::{Checkpoint, Stage, save_checkpoint};
 use crate::error::Error;
 use crate::ksvd::ksvd_epoch;
-use crate::network::learn_network;
-use crate::normalised_pairs::{NormalisedPairs, crop_bytes, prepare_pairs};
+use crate::normalised_pairs::{NormalisedPairs, prepare_pairs};
 use crate::online::{OnlineState, batch_epoch, online_epoch};
 use crate::optimiser::cosine_annealed;
 use crate::parameters::{Algorithm, Coupling, Parameters};
+use crate::predictors::{Fitting, fit_to_crops, fit_to_pairs};
 use crate::refine::{RefinementProblem, RefinementState, least_squares_high, refinement_epoch};
 use crate::scorer::Scorer;
 use crate::stacked_pairs::{split_atoms, stack_pairs};
 use crate::trace::{Epoch, EpochSummary};
 use crate::training_crops::TrainingCrops;
 
-/// Random streams of the stages; those of epochs count on from theirs.
+/// Random streams of the stages; those of epochs count on from theirs, and those of [`crate::predictors`] follow.
 const ATOM_STREAM: u64 = 0;
 const LEARN_STREAM: u64 = 0x1000;
 const REFINE_STREAM: u64 = 0x2000;
-const ANCHOR_STREAM: u64 = 0x3000;
-const NETWORK_STREAM: u64 = 0x4000;
-
-/// Rounds of spherical k-means that anchors are learned in.
-/// Source: chosen.
-const ANCHOR_ROUNDS: usize = 6;
-
-/// Signals that anchors are learned from at most.
-/// Source: chosen; speed only.
-const ANCHOR_SIGNALS: usize = 60_000;
 
 /// A training run: its parameters, and where it is.
 pub struct Run<'a> {
@@ -166,11 +153,13 @@ impl<'a> Run<'a> {
         let high = if refined { self.least_squares_high(&state.low, &problem)? } else { state.high };
         let psnr = scorer.score(&state.low, &high)?;
         let mut learned = scorer.patch_model.clone();
-        learned.anchored = self.fit_anchors(&pairs)?;
-        drop(pairs);
         learned.low = state.low;
         learned.high = high;
-        learned.network = self.learn_network(footprint, train)?;
+        let random_stream = |what| self.random_stream(what);
+        let with = Fitting { footprint, parameters: p, observer: self.observer, random_stream: &random_stream };
+        fit_to_pairs(&mut learned, &pairs, &with)?;
+        drop(pairs);
+        fit_to_crops(&mut learned, train, &with)?;
         let by_network = match learned.network {
             Some(_) => scorer.score_by(learned.clone(), PatchPredictor::Network)?,
             None => None,
@@ -250,35 +239,9 @@ impl<'a> Run<'a> {
         Ok(state)
     }
 
-    fn learn_network(&self, footprint: Footprint, crops: &[Crop]) -> Result<Option<Network>, Error> {
-        let p = self.parameters;
-        let Some(wanted) = &p.network else { return Ok(None) };
-        let most = p.network_pairs_within(wanted, crop_bytes(crops));
-        if most < wanted.pairs {
-            let (pairs, memory) = (wanted.pairs, p.pairs.memory);
-            self.observer.note(&format!("network: {most} pairs instead of {pairs}: more do not fit into {memory} GiB"));
-        }
-        self.observer.begin(&format!("{footprint}: network"), (wanted.epochs * most.min(wanted.pairs)) as u64);
-        let mut step = |n: usize| advance(self.observer, n);
-        let (emphasis, mut rng) = (p.refinement.emphasis, self.random_stream(NETWORK_STREAM));
-        learn_network(crops, wanted, emphasis, most, p.seed, &mut rng, &mut step).map(Some)
-    }
-
     fn least_squares_high(&self, low: &Array2<f32>, problem: &RefinementProblem<'_>) -> Result<Array2<f32>, Error> {
         self.observer.begin("least squares Dh", problem.signals.nrows() as u64);
         least_squares_high(low, problem, &mut |n| advance(self.observer, n))
-    }
-
-    fn fit_anchors(&self, pairs: &NormalisedPairs) -> Result<Option<Anchored>, Error> {
-        let a = &self.parameters.anchors;
-        if a.count == 0 {
-            return Ok(None);
-        }
-        self.observer.begin("anchored regressors", 0);
-        let mut rng = self.random_stream(ANCHOR_STREAM);
-        let anchors = learn_anchors(&pairs.signals, a.count, ANCHOR_ROUNDS, ANCHOR_SIGNALS, &mut rng)?;
-        let (signals, targets) = (pairs.signals.view(), pairs.targets.view());
-        fit_regressors(anchors, signals, targets, a.neighbours, a.ridge, self.observer).map(Some)
     }
 
     fn first_atoms(&self, pairs: &NormalisedPairs) -> Result<OnlineState, Error> {

@@ -42,16 +42,9 @@ impl<'a> Scorer<'a> {
     ) -> Self {
         let d = &parameters.dictionary;
         let patch_model = PatchModel {
-            support: d.window + 4,
-            patch: d.patch,
-            filters: pairs.filters.clone(),
-            floor: pairs.floor,
             lambda: d.lambda,
-            low: Array2::zeros((0, 0)),
-            high: Array2::zeros((0, 0)),
             ridge: pairs.ridge.clone(),
-            anchored: None,
-            network: None,
+            ..PatchModel::of_features(d.window + 4, d.patch, pairs.filters.clone(), pairs.floor)
         };
         let crops = &crops[..crops.len().min(MOST_CROPS)];
         let errors = crops.iter().map(|c| mean_squared_error(&c.low, &c.high));

@@ -14,14 +14,16 @@
 //! The mean of the patch comes from the low image, since the residual high − low is what is learned.
 //!
 //! # Adding a predictor
-//! A [`PatchPredictor`] touches five files:
+//! A [`PatchPredictor`] touches three files here, and two of the trainer where it needs more than the atoms:
 //!
 //! 1. `predict/NAME.rs` implements the trait and checks the shapes of its matrices;
 //! 2. `predict/mod.rs` has a row for it;
-//! 3. `model.rs` has the enum's variant, and its matrices in [`PatchModel`];
-//! 4. `file/matrices.rs` lists the matrices and numbers for the files: `.safetensors` needs no more, while an `.lfd`
-//!    needs a section in `file/lfd_header.rs` and a new version;
-//! 5. the trainer fits it.
+//! 3. `patch_model.rs` has the enum's variant with its name and word, its matrices in [`PatchModel`], and their names in
+//!    files: `.safetensors` needs no more, while an `.lfd` needs a section in `file/lfd_header.rs` and a new version;
+//! 4. `predictors/NAME.rs` of the trainer fits it;
+//! 5. `predictors/mod.rs` there calls it.
+//!
+//! Options, tables and pages take names, words and sentences from the enum.
 //!
 //! # Example
 //! ```
@@ -46,6 +48,7 @@ pub mod limits;
 mod model;
 mod options;
 mod overlap_add;
+mod patch_model;
 mod predict;
 mod recipe;
 mod reconstruct;
@@ -54,10 +57,9 @@ mod validate;
 pub use error::Error;
 pub use features::{copy_windows, extract_features, gradient_operator, learn_components, learn_filters, pad_mirrored};
 pub use file::{FORMAT_VERSION, Format, export_npy, from_bytes, load, read_kinds, save, to_bytes};
-pub use model::{
-    Anchored, Dictionary, Footprint, Layer, Model, ModelKind, Network, PatchModel, PatchPredictor, Storage,
-};
+pub use model::{Dictionary, Footprint, Model, ModelKind, Storage};
 pub use options::ReconstructionOptions;
+pub use patch_model::{Anchored, Layer, Network, PatchModel, PatchPredictor};
 pub use predict::{nearest_anchors, network_inputs};
 pub use recipe::{Photo, Recipe};
 pub use reconstruct::PlaneReconstructor;

@@ -1,7 +1,7 @@
 //! Options of the reconstruction of a plane.
 
 use super::error::Error;
-use super::model::PatchPredictor;
+use super::patch_model::PatchPredictor;
 
 /// Options of a [`super::PlaneReconstructor`].
 #[derive(Debug, Clone, PartialEq)]

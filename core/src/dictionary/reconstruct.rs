@@ -7,9 +7,10 @@ use ndarray::{Array2, ArrayView2};
 
 use super::error::Error;
 use super::features::pad_mirrored;
-use super::model::{Model, PatchPredictor};
+use super::model::Model;
 use super::options::ReconstructionOptions;
 use super::overlap_add::{add_residuals, mirrored_copy};
+use super::patch_model::PatchPredictor;
 use super::predict::{self, PredictPatches};
 use crate::interpolation::Interpolation;
 
@@ -129,7 +130,7 @@ impl PlaneReconstructor {
 mod tests {
     use super::*;
     use crate::dictionary::features::extract_features;
-    use crate::dictionary::model::PatchModel;
+    use crate::dictionary::patch_model::PatchModel;
     use crate::dictionary::predict::network_tests::random_network;
     use crate::dictionary::validate::tests::small_dictionary;
     use crate::sparse;

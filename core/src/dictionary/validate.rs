@@ -4,7 +4,8 @@ use ndarray::Array2;
 
 use super::error::Error;
 use super::limits;
-use super::model::{Dictionary, PatchModel};
+use super::model::Dictionary;
+use super::patch_model::PatchModel;
 use super::predict::check_predictors;
 
 /// Checks that a dictionary's shapes fit each other and [`limits`], its numbers are finite and its atoms have unit norm
@@ -62,7 +63,8 @@ fn check_patch_model(parts: &PatchModel) -> Result<(), Error> {
 
 #[cfg(test)]
 pub(crate) mod tests {
-    use super::super::model::{Anchored, Footprint, Model, Network, Storage};
+    use super::super::model::{Footprint, Model, Storage};
+    use super::super::patch_model::{Anchored, Network};
     use super::super::predict::network_tests::random_network;
     use super::super::recipe::{Photo, Recipe};
     use super::*;

@@ -180,7 +180,10 @@ mod tests {
         // It does not run without its side inputs.
         assert!(reconstructor.reconstruct_plane(kept.view(), &[]).is_err());
         // No codes: nothing but the samples put back.
-        let options = Options { mode: crate::reconstruct::Mode::NoCodes, ..Options::default() };
+        let options = Options {
+            mode: crate::reconstruct::Mode::Only(lenslet_core::dictionary::PatchPredictor::NoCodes),
+            ..Options::default()
+        };
         let nothing = Reconstructor::with(&dictionary, &options, Available::Samples).unwrap();
         assert_eq!(nothing.reconstruct_plane(kept.view(), &[]).unwrap(), kept);
         assert!(truth.interpolate_own_samples(values, Interpolation::Bicubic).is_err());

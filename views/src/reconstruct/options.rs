@@ -14,43 +14,25 @@ pub enum Mode {
     /// As `Learned`, averaged over four mirrored copies of the view; of interpolated views the mean of the LASSO codes
     /// and the network, where there is one.
     Best,
-    /// The LASSO codes, whatever the view.
-    Lasso,
-    /// The network, whatever the view.
-    Network,
-    /// Anchored regressors.
-    Anchored,
-    /// One ridge regressor for all patches: what a linear filter alone gives.
-    Ridge,
-    /// No codes at all: measured samples are put back and colours guided, and nothing is learned.
-    NoCodes,
+    /// This predictor, whatever the view.
+    Only(PatchPredictor),
 }
 
 impl Mode {
-    /// The name in descriptions of results.
+    /// All of them.
+    pub fn all() -> impl Iterator<Item = Mode> {
+        [Mode::Learned, Mode::Fast, Mode::Best].into_iter().chain(PatchPredictor::ALL.map(Mode::Only))
+    }
+
+    /// The name in descriptions of results: that of the option, or the word of the predictor.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Mode::Learned => "learned",
             Mode::Fast => "fast",
             Mode::Best => "best",
-            Mode::Lasso => "lasso",
-            Mode::Network => "network",
-            Mode::Anchored => "anchored",
-            Mode::Ridge => "ridge",
-            Mode::NoCodes => "no-codes",
-        }
-    }
-
-    /// The mode of one predictor.
-    #[must_use]
-    pub fn of(predictor: PatchPredictor) -> Mode {
-        match predictor {
-            PatchPredictor::NoCodes => Mode::NoCodes,
-            PatchPredictor::Ridge => Mode::Ridge,
-            PatchPredictor::Anchored => Mode::Anchored,
-            PatchPredictor::Lasso => Mode::Lasso,
-            PatchPredictor::Network => Mode::Network,
+            Mode::Only(PatchPredictor::NoCodes) => "no-codes",
+            Mode::Only(predictor) => predictor.word(),
         }
     }
 }

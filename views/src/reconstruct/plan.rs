@@ -61,11 +61,7 @@ impl Plan {
             Mode::Fast => (PatchPredictor::Lasso, 4, 1),
             Mode::Best if refined => (PatchPredictor::Network, 2, 4),
             Mode::Best => (PatchPredictor::Lasso, 2, 4),
-            Mode::Lasso => (PatchPredictor::Lasso, 2, 1),
-            Mode::Network => (PatchPredictor::Network, 2, 1),
-            Mode::Anchored => (PatchPredictor::Anchored, 3, 1),
-            Mode::Ridge => (PatchPredictor::Ridge, 3, 1),
-            Mode::NoCodes => (PatchPredictor::NoCodes, 3, 1),
+            Mode::Only(predictor) => (predictor, predictor.spacing(), 1),
         };
         parts.require(predictor)?;
         if let (PatchPredictor::Network, Some(inputs)) = (predictor, lacking) {
@@ -96,28 +92,29 @@ mod tests {
         let plan = |mode, model| with(mode, model, Available::Samples).unwrap();
         assert_eq!(plan(Mode::Learned, &interpolated.models[0]).predictor, PatchPredictor::Lasso);
         assert_eq!(plan(Mode::Learned, &refined.models[0]).predictor, PatchPredictor::Network);
-        assert_eq!(plan(Mode::Lasso, &refined.models[0]).predictor, PatchPredictor::Lasso);
+        assert_eq!(plan(Mode::Only(PatchPredictor::Lasso), &refined.models[0]).predictor, PatchPredictor::Lasso);
         assert_eq!(plan(Mode::Best, &interpolated.models[0]).to_string(), "LASSO and network");
         assert_eq!(plan(Mode::Best, &refined.models[0]).averaged_with, None);
         assert_eq!(plan(Mode::Fast, &interpolated.models[0]).predictor, PatchPredictor::Anchored);
         // Every predictor by its own name.
         for predictor in PatchPredictor::ALL {
-            assert_eq!(plan(Mode::of(predictor), &refined.models[0]).predictor, predictor);
+            assert_eq!(plan(Mode::Only(predictor), &refined.models[0]).predictor, predictor);
         }
         // Without the view's samples the network has not got its inputs.
         let alone = |mode| with(mode, &refined.models[0], Available::ViewAlone);
         assert_eq!(alone(Mode::Learned).unwrap().predictor, PatchPredictor::Lasso);
         assert_eq!(alone(Mode::Fast).unwrap().predictor, PatchPredictor::Anchored);
-        assert!(alone(Mode::Network).unwrap_err().to_string().contains("barycentric and cubic"));
+        assert!(alone(Mode::Only(PatchPredictor::Network)).unwrap_err().to_string().contains("barycentric and cubic"));
         // A dictionary without a network is told from one with.
         let small = embedded_by_name("small").unwrap().unwrap();
-        let refused = with(Mode::Network, &small.models[0], Available::Samples).unwrap_err().to_string();
+        let refused =
+            with(Mode::Only(PatchPredictor::Network), &small.models[0], Available::Samples).unwrap_err().to_string();
         assert_eq!(refused, "the dictionary has no network; it has no codes, ridge, anchored, LASSO");
         assert_eq!(plan(Mode::Best, &small.models[0]).averaged_with, None);
         let mut bare = small.models[0].clone();
         bare.patch_model.anchored = None;
         assert_eq!(plan(Mode::Fast, &bare).predictor, PatchPredictor::Lasso);
-        assert!(with(Mode::Anchored, &bare, Available::Samples).is_err());
+        assert!(with(Mode::Only(PatchPredictor::Anchored), &bare, Available::Samples).is_err());
         let dense = Options { step: Some(1), ensemble: Some(2), ..Options::default() };
         let dense = Plan::new(&refined.models[0], &dense, Available::Samples).unwrap();
         assert_eq!((dense.step, dense.ensemble), (1, 2));

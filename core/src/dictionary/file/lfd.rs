@@ -19,12 +19,11 @@ use sha2::{Digest, Sha256};
 use super::super::error::Error;
 use super::super::limits;
 use super::super::model::{Dictionary, Model, ModelKind, Storage};
+use super::super::patch_model::{Matrix, NetworkNumbers, PatchNumbers, Values, assemble, matrices};
 use super::super::recipe::Recipe;
 use super::super::validate::validate;
 use super::lfd_header::{Header, ModelHeader, NetworkHeader, PassHeader, Table, decode_header, encode_header};
-use super::matrices::{
-    Matrix, ModelNumbers, NetworkNumbers, Values, assemble_model, is_quantised, matrices, quantise, restored_maps,
-};
+use super::quantise::{is_quantised, quantise, restored_maps};
 
 /// The latest version of the `.lfd` format; this library reads all from 1.
 pub const FORMAT_VERSION: u32 = 3;
@@ -94,11 +93,11 @@ pub fn to_bytes(dictionary: &Dictionary) -> Result<Vec<u8>, Error> {
                 payload.add_f32s(name, values.shape(), &values);
             }
         }
-        let numbers = ModelNumbers::of(model);
+        let numbers = PatchNumbers::of(&model.patch_model);
         models.push(ModelHeader {
-            footprint: numbers.footprint.into(),
-            base: numbers.base.into(),
-            pitch: numbers.pitch,
+            footprint: model.footprint.into(),
+            base: model.base.into(),
+            pitch: model.pitch,
             passes: vec![PassHeader {
                 support: numbers.support,
                 patch: numbers.patch,
@@ -251,10 +250,7 @@ fn read_models(header: &Header, networks: &[NetworkHeader], payload: &[u8]) -> R
             filters_per_input: n.filters_per_input.clone(),
             layers: n.layers,
         });
-        let numbers = ModelNumbers {
-            footprint: model.footprint.into(),
-            base: model.base.into(),
-            pitch: model.pitch,
+        let numbers = PatchNumbers {
             support: pass.support,
             patch: pass.patch,
             floor: pass.floor,
@@ -262,7 +258,9 @@ fn read_models(header: &Header, networks: &[NetworkHeader], payload: &[u8]) -> R
             anchored: pass.anchored,
             network,
         };
-        models.push(assemble_model(&numbers, &|which| reader.values(&table_name(i, which), which, storage))?);
+        let patch_model = assemble(&numbers, &|which| reader.values(&table_name(i, which), which, storage))?;
+        let (footprint, base) = (model.footprint.into(), model.base.into());
+        models.push(Model { footprint, base, pitch: model.pitch, patch_model });
     }
     Ok(models)
 }

@@ -3,8 +3,8 @@
 
 mod lfd;
 mod lfd_header;
-mod matrices;
 mod npy;
+mod quantise;
 mod safetensors;
 
 use std::io::Read;

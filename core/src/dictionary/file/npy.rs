@@ -7,8 +7,9 @@ use ndarray_npy::WriteNpyExt;
 
 use super::super::error::Error;
 use super::super::model::Dictionary;
+use super::super::patch_model::matrices;
 use super::super::validate::validate;
-use super::matrices::{matrices, model_names};
+use super::quantise::model_names;
 use super::safetensors::metadata;
 use crate::output::{Pending, create_part, write_part};
 

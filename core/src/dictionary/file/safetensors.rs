@@ -31,12 +31,12 @@ use sha2::{Digest, Sha256};
 
 use super::super::error::Error;
 use super::super::limits;
-use super::super::model::{Dictionary, Model, ModelKind, Storage};
+use super::super::model::{Dictionary, Footprint, Model, ModelKind, Storage};
+use super::super::patch_model::{Matrix, PatchNumbers, Values, assemble, matrices};
 use super::super::recipe::Recipe;
 use super::super::validate::validate;
-use super::matrices::{
-    Matrix, ModelNumbers, Values, assemble_model, is_quantised, matrices, model_names, quantise, restored_maps,
-};
+use super::quantise::{is_quantised, model_names, quantise, restored_maps};
+use crate::interpolation::Interpolation;
 
 /// The latest version of the layout of metadata and tensors.
 const LAYOUT_VERSION: u32 = 1;
@@ -50,8 +50,11 @@ const FIXED: usize = 8;
 #[derive(Debug, Serialize, Deserialize)]
 struct NamedModel {
     name: String,
+    footprint: Footprint,
+    base: Interpolation,
+    pitch: f64,
     #[serde(flatten)]
-    numbers: ModelNumbers,
+    numbers: PatchNumbers,
 }
 
 /// A tensor to be written.
@@ -65,8 +68,14 @@ struct Tensor {
 pub(super) fn metadata(dictionary: &Dictionary) -> Result<BTreeMap<String, serde_json::Value>, Error> {
     let wrong = |e: serde_json::Error| Error::Parameter(e.to_string());
     let names = model_names(dictionary).into_iter().zip(&dictionary.models);
-    let models: Vec<NamedModel> =
-        names.map(|(name, model)| NamedModel { name, numbers: ModelNumbers::of(model) }).collect();
+    let named = |(name, model): (String, &Model)| NamedModel {
+        name,
+        footprint: model.footprint,
+        base: model.base,
+        pitch: model.pitch,
+        numbers: PatchNumbers::of(&model.patch_model),
+    };
+    let models: Vec<NamedModel> = names.map(named).collect();
     let mut all = BTreeMap::new();
     all.insert(VERSION_KEY.into(), LAYOUT_VERSION.to_string().into());
     all.insert("tool".into(), format!("lenslet {}", env!("CARGO_PKG_VERSION")).into());
@@ -202,8 +211,8 @@ pub(super) fn read_safetensors_kinds(bytes: &[u8], name: &str) -> Result<Vec<Mod
     let header = read_header(bytes, name)?;
     let named: Vec<NamedModel> =
         entry(&strings(&header), "models").map_err(|reason| Error::Malformed { path: name.into(), reason })?;
-    let kind = |m: ModelNumbers| ModelKind { footprint: m.footprint, base: m.base, pitch: m.pitch };
-    Ok(named.into_iter().map(|m| kind(m.numbers)).collect())
+    let kind = |m: NamedModel| ModelKind { footprint: m.footprint, base: m.base, pitch: m.pitch };
+    Ok(named.into_iter().map(kind).collect())
 }
 
 /// The header of a dictionary of this layout version.
@@ -248,10 +257,11 @@ fn read_contents(
     if names.len() < named.len() {
         return Err("two models have the same name".into());
     }
-    let models: Vec<Model> = named
-        .iter()
-        .map(|model| assemble_model(&model.numbers, &|which| values(tensors, &model.name, which, storage)))
-        .collect::<Result<_, _>>()?;
+    let model = |m: &NamedModel| {
+        let patch_model = assemble(&m.numbers, &|which| values(tensors, &m.name, which, storage))?;
+        Ok::<_, String>(Model { footprint: m.footprint, base: m.base, pitch: m.pitch, patch_model })
+    };
+    let models: Vec<Model> = named.iter().map(model).collect::<Result<_, _>>()?;
     let dictionary = Dictionary { recipe, storage, models };
     validate(&dictionary).map_err(|e| e.to_string())?;
     Ok(dictionary)
@@ -292,7 +302,6 @@ fn find<'a, 'd>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::model::Footprint;
     use super::super::super::predict::network_tests::random_network;
     use super::super::super::validate::tests::small_dictionary;
     use super::super::{from_bytes, to_bytes};

@@ -7,7 +7,8 @@ use ndarray::{Array2, ArrayView2, Axis};
 use super::super::error::Error;
 use super::super::features::row_norms;
 use super::super::limits;
-use super::super::model::{Anchored, Model, PatchModel};
+use super::super::model::Model;
+use super::super::patch_model::{Anchored, PatchModel};
 use super::predictor::{PredictPatches, low_features};
 use crate::linalg::{Par, product_into_columns};
 

@@ -7,8 +7,9 @@ use ndarray::{Array2, Axis};
 
 use super::super::error::Error;
 use super::super::features::row_norms;
-use super::super::model::{Model, PatchModel};
+use super::super::model::Model;
 use super::super::options::ReconstructionOptions;
+use super::super::patch_model::PatchModel;
 use super::predictor::{PredictPatches, low_features};
 use crate::sparse;
 

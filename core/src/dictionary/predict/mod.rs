@@ -10,8 +10,9 @@ mod ridge;
 use std::sync::Arc;
 
 use super::error::Error;
-use super::model::{Model, PatchModel, PatchPredictor};
+use super::model::Model;
 use super::options::ReconstructionOptions;
+use super::patch_model::{PatchModel, PatchPredictor};
 
 pub use anchored::nearest_anchors;
 pub use network::network_inputs;

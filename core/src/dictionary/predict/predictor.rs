@@ -4,7 +4,7 @@ use ndarray::Array2;
 
 use super::super::error::Error;
 use super::super::features::extract_features;
-use super::super::model::PatchModel;
+use super::super::patch_model::PatchModel;
 use crate::interpolation::Interpolation;
 
 /// Predicts the residual patches (high − low) around places of a plane.

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use ndarray::Array2;
 
 use super::super::error::Error;
-use super::super::model::{Model, PatchModel};
+use super::super::model::Model;
+use super::super::patch_model::PatchModel;
 use super::predictor::{PredictPatches, low_features};
 use crate::linalg::{Par, product};
 

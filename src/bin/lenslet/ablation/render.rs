@@ -148,7 +148,7 @@ fn reconstruct_views(
     observer: &dyn Observer,
 ) -> Result<Vec<Array3<f32>>> {
     // The truth is what a lenslet sees, so a sample is the truth at a point.
-    let mode = reconstruct::Mode::of(predictor);
+    let mode = reconstruct::Mode::Only(predictor);
     let options = reconstruct::Options { mode, footprint: Footprint::Point, ..reconstruct::Options::default() };
     let interpolation = base.interpolation().context("learned reconstruction starts from interpolated views")?;
     let learned = LearnedViews::prepare(samples, interpolation, target, dictionary, &options, observer)?;

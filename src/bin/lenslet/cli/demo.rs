@@ -159,7 +159,7 @@ fn reconstruct(samples: &HexSamples, target: &Size, observer: &dyn Observer) -> 
             dictionary.model(footprint).context("an embedded dictionary is empty")?.patch_model.predictors();
         for predictor in predictors {
             let began = Instant::now();
-            let mode = reconstruct::Mode::of(predictor);
+            let mode = reconstruct::Mode::Only(predictor);
             let options = reconstruct::Options { mode, ..reconstruct::Options::default() };
             let prepared = LearnedViews::prepare(samples, interpolation, target, &dictionary, &options, observer)?;
             observer.begin(predictor.name(), SCORED.len() as u64);

@@ -80,7 +80,7 @@ impl LearnedArgs {
 
     fn mode(&self) -> Mode {
         match (self.path, self.fast, self.best) {
-            (Some(path), ..) => path.into(),
+            (Some(path), ..) => Mode::Only(path.0),
             (None, true, _) => Mode::Fast,
             (None, _, true) => Mode::Best,
             (None, ..) => Mode::Learned,

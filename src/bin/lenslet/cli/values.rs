@@ -1,13 +1,13 @@
 //! Values that options take by name, and the values of the libraries that they become.
 
 use clap::ValueEnum;
-use lenslet_core::dictionary::Footprint;
+use clap::builder::PossibleValue;
+use lenslet_core::dictionary::{Footprint, PatchPredictor};
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{self, Format};
 use lenslet_core::metrics::SsimWindow;
 use lenslet_train::{Algorithm, KsvdUpdate};
 use lenslet_views::multiview::Fit;
-use lenslet_views::reconstruct::Mode;
 
 /// Defines an enum of option values and what each becomes.
 macro_rules! named_values {
@@ -47,20 +47,28 @@ named_values! {
     }
 }
 
-named_values! {
-    /// `--path`: how residual patches are predicted.
-    PredictorName => Mode {
-        /// LASSO codes over Dl, then Dh (eq. (4) of the paper)
-        Lasso => Mode::Lasso,
-        /// The dictionary's feed-forward network
-        Network => Mode::Network,
-        /// The regressor of the nearest anchor (A+)
-        Anchored => Mode::Anchored,
-        /// One ridge regressor for all patches: a linear filter
-        Ridge => Mode::Ridge,
-        /// Nothing learned: samples put back and colours guided alone (also: no-codes)
-        #[value(alias = "no-codes")]
-        None => Mode::NoCodes,
+/// `--path`: how residual patches are predicted, each predictor by its word.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PredictorName(pub PatchPredictor);
+
+impl ValueEnum for PredictorName {
+    fn value_variants<'a>() -> &'a [Self] {
+        static ALL: [PredictorName; PatchPredictor::ALL.len()] = {
+            let mut all = [PredictorName(PatchPredictor::ALL[0]); PatchPredictor::ALL.len()];
+            let mut k = 0;
+            while k < all.len() {
+                all[k] = PredictorName(PatchPredictor::ALL[k]);
+                k += 1;
+            }
+            all
+        };
+        &ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        let value = PossibleValue::new(self.0.word()).help(self.0.meaning());
+        // As tables call it.
+        Some(if self.0 == PatchPredictor::NoCodes { value.alias("no-codes") } else { value })
     }
 }
 

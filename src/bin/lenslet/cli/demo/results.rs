@@ -47,7 +47,7 @@ impl Reconstruction {
 
     pub(super) fn learned(base: Interpolation, predictor: PatchPredictor, views: &[View], began: Instant) -> Self {
         let on = if base == Interpolation::Barycentric { String::new() } else { format!(" on {base}") };
-        Reconstruction::new(format!("{predictor}{on}"), about(predictor), base, Some(predictor), (views, began))
+        Reconstruction::new(format!("{predictor}{on}"), predictor.meaning(), base, Some(predictor), (views, began))
     }
 
     fn new(
@@ -67,27 +67,8 @@ impl Reconstruction {
         match self.predictor {
             None => format!("--method {}", self.base),
             Some(predictor) => {
-                let path = match predictor {
-                    PatchPredictor::NoCodes => "none",
-                    PatchPredictor::Ridge => "ridge",
-                    PatchPredictor::Anchored => "anchored",
-                    PatchPredictor::Lasso => "lasso",
-                    PatchPredictor::Network => "network",
-                };
-                format!("--method learned --base {} --path {path}", self.base)
+                format!("--method learned --base {} --path {}", self.base, predictor.word())
             }
-        }
-    }
-}
-
-fn about(predictor: PatchPredictor) -> &'static str {
-    match predictor {
-        PatchPredictor::NoCodes => "nothing learned: measured samples put back, colours guided by the luminance",
-        PatchPredictor::Ridge => "the same with one linear filter learned from photos",
-        PatchPredictor::Anchored => "the same with the regressor of the nearest anchor (A+)",
-        PatchPredictor::Lasso => "the same with LASSO codes over Dl, then Dh (paper 4.4)",
-        PatchPredictor::Network => {
-            "the same with a small feed-forward network in place of codes and Dh (not in the paper)"
         }
     }
 }

@@ -9,7 +9,9 @@ use ndarray::{Array1, Array2, Axis, Ix1, Ix2, concatenate};
 use rand::rngs::ChaCha8Rng;
 use rayon::prelude::*;
 
+use super::Fitting;
 use crate::error::Error;
+use crate::normalised_pairs::crop_bytes;
 use crate::optimiser::{Adam, cosine_annealed};
 use crate::parameters::NetworkParameters;
 use lenslet_core::random::{shuffled_indices, standard_normal};
@@ -25,6 +27,26 @@ const CHUNK: usize = 128;
 /// Added to the root of Adam's second moment.
 /// Source: Kingma and Ba 2015, algorithm 1.
 const EPSILON: f32 = 1e-8;
+
+/// The random stream of the network.
+const STREAM: u64 = 0x4000;
+
+/// Learns the network of a model; `None` where the parameters want none.
+///
+/// # Errors
+/// As [`learn_network`].
+pub(super) fn fit_network(crops: &[Crop], with: &Fitting<'_>) -> Result<Option<Network>, Error> {
+    let p = with.parameters;
+    let Some(wanted) = &p.network else { return Ok(None) };
+    let most = p.network_pairs_within(wanted, crop_bytes(crops));
+    if most < wanted.pairs {
+        let (pairs, memory) = (wanted.pairs, p.pairs.memory);
+        with.observer.note(&format!("network: {most} pairs instead of {pairs}: more do not fit into {memory} GiB"));
+    }
+    with.observer.begin(&format!("{}: network", with.footprint), (wanted.epochs * most.min(wanted.pairs)) as u64);
+    let (emphasis, mut rng) = (p.refinement.emphasis, (with.random_stream)(STREAM));
+    learn_network(crops, wanted, emphasis, most, p.seed, &mut rng, &mut |n| with.advance(n)).map(Some)
+}
 
 /// Learns a network on crops: filters, then layers. `emphasis` as in [`crate::RefinementParameters`]; at most `most`
 /// pairs; `step` is called with the size of every batch.

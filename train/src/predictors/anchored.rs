@@ -8,13 +8,41 @@ use ndarray::{Array2, Array3, ArrayView2, Axis};
 use rand::rngs::ChaCha8Rng;
 use rayon::prelude::*;
 
+use super::Fitting;
 use crate::atoms::initial_atoms;
 use crate::error::Error;
+use crate::normalised_pairs::NormalisedPairs;
 use lenslet_core::random::shuffled_indices;
 
 /// Signals whose nearest anchors are found in one product.
 /// Source: chosen; speed only.
 const CHUNK: usize = 1024;
+
+/// The random stream of the anchors.
+const STREAM: u64 = 0x3000;
+
+/// Rounds of spherical k-means that anchors are learned in.
+/// Source: chosen.
+const ROUNDS: usize = 6;
+
+/// Signals that anchors are learned from at most.
+/// Source: chosen; speed only.
+const MOST_SIGNALS: usize = 60_000;
+
+/// Learns the anchors of a model and their regressors; `None` where the parameters want none.
+///
+/// # Errors
+/// As [`learn_anchors`] and [`fit_regressors`].
+pub(super) fn fit_anchored(pairs: &NormalisedPairs, with: &Fitting<'_>) -> Result<Option<Anchored>, Error> {
+    let a = &with.parameters.anchors;
+    if a.count == 0 {
+        return Ok(None);
+    }
+    with.observer.begin("anchored regressors", 0);
+    let anchors = learn_anchors(&pairs.signals, a.count, ROUNDS, MOST_SIGNALS, &mut (with.random_stream)(STREAM))?;
+    let (signals, targets) = (pairs.signals.view(), pairs.targets.view());
+    fit_regressors(anchors, signals, targets, a.neighbours, a.ridge, with.observer).map(Some)
+}
 
 /// Anchors: means of the signals that are nearest to them, up to sign (spherical k-means), on at most `most` signals.
 ///
