@@ -5,11 +5,12 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use lenslet_core::calibration::{CalibrationOptions, CalibrationVariant, calibrate, calibrate_from_captures};
 use lenslet_core::container::{Capture, Cfa, Levels};
+use lenslet_core::geometry::Size;
 use lenslet_core::progress::Silent;
 use lenslet_data_gen::simulate::{Camera, LensletGrid, Lenslets, expose_white, record_mosaic, white_pattern};
 
 /// A white image of a sensor of this size, with lenslets of this pitch.
-fn white(sensor: (usize, usize), pitch: f64) -> Option<Capture> {
+fn white(sensor: Size, pitch: f64) -> Option<Capture> {
     let camera = Camera { sensor, lenslets: LensletGrid { pitch, ..LensletGrid::default() }, ..Camera::default() };
     let lenslets = Lenslets::new(&camera, 1).ok()?;
     let light = expose_white(&camera, &white_pattern(&camera, &lenslets));
@@ -19,7 +20,7 @@ fn white(sensor: (usize, usize), pitch: f64) -> Option<Capture> {
 
 /// As large as an Illum's.
 fn large(c: &mut Criterion) {
-    let Some(white) = white((7728, 5368), 14.2857) else { return };
+    let Some(white) = white(Size::new(7728, 5368), 14.2857) else { return };
     let mut group = c.benchmark_group("calibrate 7728x5368");
     group.throughput(Throughput::Elements(7728 * 5368)).sample_size(10);
     for (name, without_vignetting) in [("full", true), ("full with vignetting", false)] {
@@ -30,7 +31,7 @@ fn large(c: &mut Criterion) {
 }
 
 fn calibration(c: &mut Criterion) {
-    let Some(white) = white((1640, 1640), Camera::default().lenslets.pitch) else { return };
+    let Some(white) = white(Size::new(1640, 1640), Camera::default().lenslets.pitch) else { return };
     let mut group = c.benchmark_group("calibrate 1640x1640");
     group.throughput(Throughput::Elements(1640 * 1640)).sample_size(10);
     for variant in [CalibrationVariant::Full, CalibrationVariant::Paper] {

@@ -148,7 +148,7 @@ impl Fewer {
             Fewer::Squares(field) => {
                 for &(v, u) in wanted {
                     let view = field.data.slice(s![v, u, .., .., ..]);
-                    views.push(bicubic::resize_bicubic(view, size.width, size.height)?);
+                    views.push(bicubic::resize_bicubic(view, *size)?);
                 }
                 ("bicubic", views)
             }

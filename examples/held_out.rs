@@ -105,8 +105,8 @@ fn photographed(
     let scene = simulate::photo_scene(photos, &camera, None, seed, &Silent)?;
     let options = SimulationOptions { seed, ..SimulationOptions::default() };
     let simulation = simulate::render_capture(&scene, &camera, &options, &Silent)?;
-    let (width, height) = simulate::output_size(&camera, (sensor * 1080 + 1640) / 3280);
-    let mut truth = simulate::true_view(&scene, &camera, [0.0; 2], (width, height));
+    let Size { width, height } = simulate::output_size(&camera, (sensor * 1080 + 1640) / 3280);
+    let mut truth = simulate::true_view(&scene, &camera, [0.0; 2], Size::new(width, height));
     colour::convert(&mut truth, ColourSpace::Linear, ColourSpace::Srgb);
     let calibration = calibration::calibrate(&simulation.whites, &CalibrationOptions::default(), &Silent)?;
     let samples = decode::sample_views(&simulation.capture, &calibration, &decode::Options::default(), &Silent)?;

@@ -14,6 +14,7 @@ use std::path::PathBuf;
 
 use clap::Parser as _;
 use lenslet_core::dictionary::{self, Dictionary, Footprint, PatchPredictor};
+use lenslet_core::geometry::Size;
 use lenslet_core::lightfield::ColourSpace;
 use lenslet_core::metrics::{BORDER, Scores, Window};
 use lenslet_core::sampling::{self, Cubic, DEFAULT_PITCH, DEFAULT_ROTATION, Weights, bicubic, lattice_samples};
@@ -107,12 +108,15 @@ fn methods(
     };
     add("bicubic", &mut || {
         let native = |n: usize| ((n as f64 / DEFAULT_PITCH).round() as usize).max(1);
-        let low = Weights::new(&placed.centres, (w, h), (native(w), native(h)))?.apply(values.view())?;
-        Ok(plane(bicubic::resize_bicubic(low.view(), w, h)?))
+        let low =
+            Weights::new(&placed.centres, Size::new(w, h), Size::new(native(w), native(h)))?.apply(values.view())?;
+        Ok(plane(bicubic::resize_bicubic(low.view(), Size::new(w, h))?))
     })?;
-    let low = plane(Weights::new(&placed.centres, (w, h), (w, h))?.apply(values.view())?);
+    let low = plane(Weights::new(&placed.centres, Size::new(w, h), Size::new(w, h))?.apply(values.view())?);
     add("barycentric", &mut || Ok(low.clone()))?;
-    add("cubic", &mut || Ok(plane(Cubic::new(&placed.centres, (w, h), (w, h))?.apply(values.view())?)))?;
+    add("cubic", &mut || {
+        Ok(plane(Cubic::new(&placed.centres, Size::new(w, h), Size::new(w, h))?.apply(values.view())?))
+    })?;
     let modes = [
         ("ridge", Mode::Only(PatchPredictor::Ridge)),
         ("anchored", Mode::Only(PatchPredictor::Anchored)),
@@ -137,7 +141,7 @@ fn methods(
         let found = results.iter().find(|r| r.0 == from).map(|r| &r.1);
         let Some(before) = found.or((from.is_empty()).then_some(&low)).filter(|_| wanted(&name)) else { continue };
         let began = std::time::Instant::now();
-        let measured = SamplingOperator::new(placed.centres.clone(), a.footprint, DEFAULT_PITCH, (w, h))?;
+        let measured = SamplingOperator::new(placed.centres.clone(), a.footprint, DEFAULT_PITCH, Size::new(w, h))?;
         let (result, _) = back_project(before, &measured, values.column(0), 3, &[])?;
         results.push((name, result, began.elapsed().as_secs_f64()));
     }

@@ -15,7 +15,6 @@ use clap::Parser as _;
 use lenslet_core::calibration;
 use lenslet_core::decode;
 use lenslet_core::dictionary::{self, Dictionary};
-use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{ColourSpace, View, colour};
 use lenslet_core::metrics::{BORDER, Scores, Window};
@@ -80,7 +79,7 @@ fn scored(kind: SceneName, a: &Arguments, dictionary: &Dictionary) -> anyhow::Re
     let calibration = calibration::calibrate(&simulation.whites, &calibration::CalibrationOptions::default(), &Silent)?;
     let samples = decode::sample_views(&simulation.capture, &calibration, &decode::Options::default(), &Silent)?;
 
-    let target = Size { width: size.0, height: size.1 };
+    let target = size;
     let options = Options { mode: a.mode, ..Options::default() };
     let interpolation = Interpolation::Multiview;
     let learned = LearnedViews::prepare(&samples, interpolation, &target, dictionary, &options, &Silent)?;

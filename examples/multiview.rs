@@ -214,7 +214,7 @@ fn resampled(path: &Path, pitch: f64, truth_disparity: Option<&Path>, a: &Argume
     ensure!(rows == columns && rows % 2 == 1, "{rows}x{columns} views; a square, odd number is needed");
     let seen = Footprint::Bilinear;
     let samples = HexSamples::of_views(field.data.view(), pitch, DEFAULT_ROTATION, [0.31, 0.47], seen)?;
-    let target = Size { width: samples.sensor.0, height: samples.sensor.1 };
+    let target = samples.sensor;
     let rendered = render(&samples, &target, &wanted)?;
     save(&rendered, Some(&truths[0]), &samples, a)?;
     let mut out = json!({
@@ -233,7 +233,7 @@ fn resampled(path: &Path, pitch: f64, truth_disparity: Option<&Path>, a: &Argume
 
 fn real(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
     let samples = HexSamples::load(path)?;
-    let target = Size::from(samples.sensor).with_longer_side(a.size);
+    let target = samples.sensor.with_longer_side(a.size);
     let wanted = scored(samples.views);
     let middle = wanted[0];
     let mut hidden = Map::new();
@@ -317,7 +317,7 @@ fn save(rendered: &Rendered, truth: Option<&Array3<f32>>, samples: &HexSamples, 
 /// Seconds for every view of the samples, nothing kept.
 fn timed(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
     let samples = HexSamples::load(path)?;
-    let target = Size::from(samples.sensor).with_longer_side(a.size);
+    let target = samples.sensor.with_longer_side(a.size);
     let began = Instant::now();
     let mut views = 0;
     samples.renderer(Method::multiview()).size(target).prepare()?.render_all(&mut |_, _, _| -> anyhow::Result<()> {

@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use anyhow::anyhow;
 use clap::Parser as _;
 use lenslet_core::dictionary::{self, Footprint, PatchPredictor, PlaneReconstructor, ReconstructionOptions};
+use lenslet_core::geometry::Size;
 use lenslet_core::lightfield::ColourSpace;
 use lenslet_core::linalg;
 use lenslet_core::metrics::{BORDER, Scores, Window};
@@ -96,7 +97,9 @@ fn main() -> anyhow::Result<()> {
         };
         let image = truth.view().insert_axis(Axis(2));
         let (placed, values) = lattice_samples(image, DEFAULT_PITCH, DEFAULT_ROTATION, [0.4, 0.7], seen)?;
-        let low = Weights::new(&placed.centres, (w, h), (w, h))?.apply(values.view())?.index_axis_move(Axis(2), 0);
+        let low = Weights::new(&placed.centres, Size::new(w, h), Size::new(w, h))?
+            .apply(values.view())?
+            .index_axis_move(Axis(2), 0);
         megapixels += (h * w) as f64 * 1e-6;
         planes.push((truth, low));
     }

@@ -13,6 +13,7 @@ use anyhow::{Context, ensure};
 use clap::Parser as _;
 use image::DynamicImage;
 use lenslet_core::dictionary::{self, Footprint, PatchPredictor};
+use lenslet_core::geometry::Size;
 use lenslet_core::sampling::bicubic;
 use lenslet_data_gen::photo::{ReductionKernel, reduce_plane};
 use lenslet_views::reconstruct::{Mode, Options, Reconstructor};
@@ -95,7 +96,8 @@ fn main() -> anyhow::Result<()> {
         ensure!(h.min(w) > 8 * scale, "{}: {w}x{h} pixels are too few", path.display());
         let truth = whole.slice(s![..h, ..w]).to_owned();
         let small = reduce_plane(truth.mapv(|v| v / 255.0).view(), h / scale, w / scale, ReductionKernel::Bicubic)?;
-        let low = bicubic::resize_bicubic(small.insert_axis(Axis(2)).view(), w, h)?.index_axis_move(Axis(2), 0);
+        let low =
+            bicubic::resize_bicubic(small.insert_axis(Axis(2)).view(), Size::new(w, h))?.index_axis_move(Axis(2), 0);
         let mut entry = serde_json::Map::new();
         entry.insert("file".into(), path.display().to_string().into());
         let mut add = |name: &'static str, result: &Array2<f32>, seconds: f64| {

@@ -75,8 +75,8 @@ fn simulate(sensor: usize, light: f32, footprint: f64, noise: f64, jpeg: Option<
     if let Some(quality) = jpeg {
         save_as_jpeg(&mut capture, quality);
     }
-    let (width, height) = output_size(&camera, (sensor * 1080 + 1640) / 3280);
-    let mut truth = true_view(&scene, &camera, view_offset([3, 3], 7, 1.0), (width, height));
+    let Size { width, height } = output_size(&camera, (sensor * 1080 + 1640) / 3280);
+    let mut truth = true_view(&scene, &camera, view_offset([3, 3], 7, 1.0), Size::new(width, height));
     truth *= light;
     Simulated { capture, whites: plain.whites, truth, size: Size { width, height } }
 }

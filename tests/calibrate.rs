@@ -12,6 +12,7 @@ use assert_cmd::Command;
 use fixtures::{f01_capture, real};
 use lenslet_core::calibration;
 use lenslet_core::container::{Capture, write_lfp};
+use lenslet_core::geometry::Size;
 use lenslet_data_gen::simulate::{Camera, LensletGrid, Lenslets, expose_white, record_mosaic, white_pattern};
 use serde_json::Value;
 
@@ -41,7 +42,7 @@ fn json(args: &[&str]) -> Value {
 
 fn camera() -> Camera {
     let lenslets = LensletGrid { pitch: 10.2, rotation: -0.02, jitter: 0.05, ..LensletGrid::default() };
-    Camera { sensor: (400, 400), lenslets, ..Camera::default() }
+    Camera { sensor: Size::new(400, 400), lenslets, ..Camera::default() }
 }
 
 /// White images of one simulated camera, with zoom and focus as given, and the true centres.

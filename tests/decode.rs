@@ -78,7 +78,7 @@ fn one_capture_to_a_folder_of_views_with_its_samples() {
         }
     }
     let samples = HexSamples::load(&out.join(SAMPLES_FILE)).unwrap();
-    assert_eq!((samples.sensor, samples.views), ((SIDE, SIDE), 7));
+    assert_eq!((samples.sensor, samples.views), (Size::new(SIDE, SIDE), 7));
     assert_eq!(report["lenslets"], samples.centres.len());
     // Not twice, unless told; and nothing is left beside it.
     let again = decode!(lfp, "--calibration", calib, "--out", out, "--size", "60");

@@ -5,6 +5,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
+use lenslet_core::geometry::Size;
 use ndarray::Array5;
 
 fn lenslet(arguments: &[&str]) -> Output {
@@ -180,7 +181,10 @@ fn a_dictionary_of_photos_beats_bicubic_and_no_dictionary() {
         let sharp: Array5<f32> = ndarray_npy::read_npy(&sharp).unwrap();
         error(&|x, y| sharp[[0, 0, y, x, 0]])
     };
-    let plain = lenslet_core::sampling::bicubic::resize_bicubic(small.slice(ndarray::s![0, 0, .., .., ..]), 180, 160);
+    let plain = lenslet_core::sampling::bicubic::resize_bicubic(
+        small.slice(ndarray::s![0, 0, .., .., ..]),
+        Size::new(180, 160),
+    );
     let plain = plain.unwrap();
     let bicubic = error(&|x, y| plain[[y, x, 0]]);
     let (learned, fast, zeros) = (infer(&[]), infer(&["--fast"]), infer(&["--lambda", "1"]));

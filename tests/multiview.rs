@@ -74,7 +74,15 @@ fn measured(world: &World, noise: f32) -> HexSamples {
         let (s, t) = ((centres[n][0] + 0.5) * scale - 0.5, (centres[n][1] + 0.5) * scale - 0.5);
         world(s, t, u, v) as f32 + noise * (generator.random::<f32>() - 0.5)
     });
-    HexSamples { sensor: (SENSOR, SENSOR), centres, index, views: 5, view_step: 1.0, weights: vec![1.0; 25], values }
+    HexSamples {
+        sensor: Size::new(SENSOR, SENSOR),
+        centres,
+        index,
+        views: 5,
+        view_step: 1.0,
+        weights: vec![1.0; 25],
+        values,
+    }
 }
 
 fn samples(d: impl Fn(f64, f64) -> f64 + 'static, noise: f32) -> HexSamples {
@@ -211,7 +219,7 @@ fn other_tools_light_fields_gain_in_size() {
     let field = LightField { meta, data };
     let set = SampleSet::rectangular(&field, &TARGET).unwrap();
     let image = RefinedViews::estimate(set, &Options::default(), &Silent).unwrap().render_view(2, 2).unwrap();
-    let alone = bicubic::resize_bicubic(field.data.slice(s![2, 2, .., .., ..]), SIDE, SIDE).unwrap();
+    let alone = bicubic::resize_bicubic(field.data.slice(s![2, 2, .., .., ..]), Size::new(SIDE, SIDE)).unwrap();
     let flat = |_: f64, _: f64| 0.0;
     let (before, after) = (psnr(&alone, flat, (2, 2)), psnr(&image, flat, (2, 2)));
     assert!(after > before + 2.0, "{after:.2} dB after {before:.2}");
@@ -301,7 +309,7 @@ fn refine_enlarges_a_light_field_and_refuses_what_it_cannot() {
     let refined = lightfield::load(&to, &ReadOptions::default()).unwrap();
     assert_eq!(refined.meta.method, Some("multiview".into()));
     let plain = lightfield::load(&from, &ReadOptions::default()).unwrap();
-    let alone = bicubic::resize_bicubic(plain.data.slice(s![2, 2, .., .., ..]), 100, 100).unwrap();
+    let alone = bicubic::resize_bicubic(plain.data.slice(s![2, 2, .., .., ..]), Size::new(100, 100)).unwrap();
     let error = |image: ArrayView3<f32>| -> f64 {
         let inner = image.slice(s![12..88, 12..88, ..]);
         inner

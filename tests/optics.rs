@@ -59,7 +59,7 @@ impl World {
     }
 
     fn target(&self) -> Size {
-        let (width, height) = simulate::output_size(&self.camera, SIDE);
+        let Size { width, height } = simulate::output_size(&self.camera, SIDE);
         Size { width, height }
     }
 

@@ -6,6 +6,7 @@
 use std::path::PathBuf;
 
 use lenslet_core::digest::sha256_hex;
+use lenslet_core::geometry::Size;
 use lenslet_core::sampling::{Footprint, Weights, lattice_samples};
 use ndarray::{Array3, Array5, Axis};
 use program::{lenslet, run, text};
@@ -109,7 +110,8 @@ fn joint_dictionaries_by_every_trainer_reconstruct_what_they_never_saw() {
     let sharp = Array3::from_shape_fn((150, 150, 1), |(t, s, _)| drawn(2, s as f32, t as f32));
     let pitch = 1080.0 / 328.0;
     let (points, values) = lattice_samples(sharp.view(), pitch, 0.002, [0.3, 0.6], Footprint::Bilinear).unwrap();
-    let low = Weights::new(&points.centres, (150, 150), (150, 150)).unwrap().apply(values.view()).unwrap();
+    let low =
+        Weights::new(&points.centres, Size::new(150, 150), Size::new(150, 150)).unwrap().apply(values.view()).unwrap();
     let field = Array5::from_shape_fn((1, 1, 150, 150, 3), |(_, _, t, s, _)| low[[t, s, 0]]);
     ndarray_npy::write_npy(at("low.npy"), &field).unwrap();
     let psnr = |view: &dyn Fn(usize, usize) -> f32| {

@@ -77,7 +77,7 @@ fn real_views_are_enlarged_better_than_by_bicubic() {
         let truth = whole.slice(s![2, 2, .., .., ..]);
         Scores::between(view.view(), truth, &Window::without_border(8)).unwrap().psnr_y
     };
-    let bicubic = score(resize_bicubic(small.slice(s![2, 2, .., .., ..]), 112, 112).unwrap());
+    let bicubic = score(resize_bicubic(small.slice(s![2, 2, .., .., ..]), Size::new(112, 112)).unwrap());
     let run = |command: &str, more: &[&str]| {
         let (input, out) = (at("small.npy"), at("out.npy"));
         lenslet(&[&[command, text(&input), "--scale", "2", "--out", text(&out), "--force"], more].concat());

@@ -63,7 +63,7 @@ fn calibration_finds_the_true_centres_and_methods_come_in_their_order() {
     let mut truth = simulate::true_view(&scene, &camera, [0.0, 0.0], size);
     colour::convert(&mut truth, ColourSpace::Linear, ColourSpace::Srgb);
     let samples = central(&simulation, &found);
-    let target = Size { width: size.0, height: size.1 };
+    let target = size;
     let psnr = |method| luminance_psnr(&view(&samples, target, method), &truth);
     let (bicubic, barycentric, cubic) = (psnr(Method::bicubic()), psnr(Method::barycentric()), psnr(Method::cubic()));
     let by = |mode| {
@@ -198,7 +198,7 @@ fn the_command_writes_everything_and_the_same_on_any_number_of_threads() {
     let centres: Array2<f64> = ndarray_npy::read_npy(dir.path().join("one/truth/centres.npy")).unwrap();
     assert_eq!(centres.dim(), (simulation.centres.len(), 2));
     let views = lightfield::load(&dir.path().join("one/truth/views"), &ReadOptions::default()).unwrap();
-    let mut corner = simulate::true_view(&scene, &camera, [-1.0, 1.0], (66, 66));
+    let mut corner = simulate::true_view(&scene, &camera, [-1.0, 1.0], Size::new(66, 66));
     colour::convert(&mut corner, ColourSpace::Linear, ColourSpace::Srgb);
     let stored = views.data.slice(s![2, 0, .., .., ..]);
     assert!(corner.iter().zip(&stored).all(|(a, b)| (a - b).abs() < 1e-4));
@@ -222,7 +222,7 @@ fn photos_become_layers() {
         assert!((seen[0] - 119.0).abs() < 3.0 && (seen[1] - 89.0).abs() < 3.0, "{seen:?}");
     }
     let both = simulate::photo_scene(&[back, print], &camera, None, 1, &Silent).unwrap();
-    let map = simulate::true_disparity(&both, &camera, 1.0, (100, 100));
+    let map = simulate::true_disparity(&both, &camera, 1.0, Size::new(100, 100));
     let near = map.iter().filter(|d| (**d - 0.3 * 9.9276 / 3.0).abs() < 1e-3).count();
     let far = map.iter().filter(|d| (**d + 0.3 * 9.9276 / 3.0).abs() < 1e-3).count();
     assert!(near > 300 && far > 3000 && near + far == 10_000, "{near} {far}");

@@ -5,6 +5,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
+use lenslet_core::geometry::Size;
 fn text(p: &Path) -> &str {
     p.to_str().unwrap()
 }
@@ -235,7 +236,7 @@ fn views_of_other_tools_are_enlarged_by_their_own_dictionaries() {
         let (said, error) = infer("sharp.npy", &["--scale", &factor]);
         assert_eq!((&said["dictionary"], &said["footprint"]), (&format!("x{scale}").into(), &"grid".into()));
         let image = ndarray::Array3::from_shape_fn((small, small, 1), |(y, x, _)| field[[0, 0, y, x, 0]]);
-        let plain = lenslet_core::sampling::bicubic::resize_bicubic(image.view(), side, side).unwrap();
+        let plain = lenslet_core::sampling::bicubic::resize_bicubic(image.view(), Size::new(side, side)).unwrap();
         let apart = (8..side - 8).flat_map(|y| (8..side - 8).map(move |x| (y, x)));
         let bicubic = apart.map(|(y, x)| (plain[[y, x, 0]] - fine[[y, x]]).powi(2)).sum::<f32>();
         assert!(error < 0.9 * bicubic, "x{scale}: {error} against {bicubic}");

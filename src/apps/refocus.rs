@@ -1,5 +1,6 @@
 //! Refocusing (Ng 2005): I(x) = Σ a(u, v) L(x + D·(u, v); v, u) / Σ a(u, v), shifts sub-pixel, in linear light.
 
+use lenslet_core::geometry::Size;
 use ndarray::{Array2, Array3, ArrayView2, ArrayView3, ArrayView5, s};
 use rayon::prelude::*;
 
@@ -202,7 +203,7 @@ pub fn all_in_focus(
                 if a <= 0.0 || !inside {
                     continue;
                 }
-                let cell = Cell::clamped(x, y, width, height);
+                let cell = Cell::clamped(x, y, Size::new(width, height));
                 let mut off = 0f32;
                 for k in 0..channels {
                     value[k] = bilinear_by_weights(cell.corners(|x, y| data[[v, u, y, x, k]]), cell.fx, cell.fy);

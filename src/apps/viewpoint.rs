@@ -1,6 +1,7 @@
 //! Views from between the views: every pixel is the mean of the four neighbouring views, each read where its disparity
 //! puts the same scene point.
 
+use lenslet_core::geometry::Size;
 use ndarray::{Array2, Array3, ArrayView3, ArrayView5};
 use rayon::prelude::*;
 
@@ -103,7 +104,7 @@ pub fn render_between_views(
             let (x, y) = ((s as f32 + hold * u).clamp(0.0, right), (t as f32 + hold * v).clamp(0.0, bottom));
             let d = map[[(y + 0.5) as usize, (x + 0.5) as usize]];
             for &(kv, ku, [du, dv], w) in &near {
-                let cell = Cell::clamped(x + d * du, y + d * dv, width, height);
+                let cell = Cell::clamped(x + d * du, y + d * dv, Size::new(width, height));
                 for (k, p) in pixel.iter_mut().enumerate() {
                     *p += w * bilinear_by_weights(cell.corners(|x, y| data[[kv, ku, y, x, k]]), cell.fx, cell.fy);
                 }
@@ -119,7 +120,7 @@ pub(super) fn sample_shifted(middle: &ArrayView3<f32>, map: &Array2<f32>, [u, v]
     let (height, width, _) = middle.dim();
     Array3::from_shape_fn(middle.dim(), |(t, s, k)| {
         let d = map[[t, s]];
-        let cell = Cell::clamped(s as f32 - d * u, t as f32 - d * v, width, height);
+        let cell = Cell::clamped(s as f32 - d * u, t as f32 - d * v, Size::new(width, height));
         bilinear_by_weights(cell.corners(|x, y| middle[[y, x, k]]), cell.fx, cell.fy)
     })
 }

@@ -58,8 +58,8 @@ impl World {
         let simulation = simulate::render_capture(&scene, &camera, &options, &Silent).unwrap();
         let found = calibration::calibrate(&simulation.whites, &Default::default(), &Silent).unwrap();
         let samples = decode::sample_views(&simulation.capture, &found, &decode::Options::default(), &Silent).unwrap();
-        let (width, height) = simulate::output_size(&camera, 270);
-        let mut truth = simulate::true_view(&scene, &camera, [0.0; 2], (width, height));
+        let Size { width, height } = simulate::output_size(&camera, 270);
+        let mut truth = simulate::true_view(&scene, &camera, [0.0; 2], Size::new(width, height));
         colour::convert(&mut truth, ColourSpace::Linear, ColourSpace::Srgb);
         let target = Size { width, height };
         let by = |i: Interpolation| samples.renderer(i).size(target).prepare().unwrap().view(MIDDLE, MIDDLE).unwrap();
@@ -109,7 +109,9 @@ fn enlarged(dictionary: &Dictionary, model: &Model, photo: &Path) -> Psnr {
     let (h, w) = (truth.nrows() / scale * scale, truth.ncols() / scale * scale);
     let truth = truth.slice(s![..h, ..w]).to_owned();
     let small = reduce_plane(truth.view(), h / scale, w / scale, ReductionKernel::Bicubic).unwrap();
-    let low = bicubic::resize_bicubic(small.insert_axis(Axis(2)).view(), w, h).unwrap().index_axis_move(Axis(2), 0);
+    let low = bicubic::resize_bicubic(small.insert_axis(Axis(2)).view(), Size::new(w, h))
+        .unwrap()
+        .index_axis_move(Axis(2), 0);
     let score = |plane: &Array2<f32>| {
         let window = Window::without_border(BORDER);
         let shown = plane.mapv(|v| v.clamp(0.0, 1.0)).insert_axis(Axis(2));

@@ -9,7 +9,6 @@ use lenslet_core::calibration;
 use lenslet_core::colour::luminance;
 use lenslet_core::decode;
 use lenslet_core::dictionary::Footprint;
-use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{ColourSpace, View, colour};
 use lenslet_core::metrics::BORDER;
@@ -147,7 +146,7 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
         views.push((rng.random_range(0..VIEWS), rng.random_range(0..VIEWS)));
     }
     let size = simulate::output_size(&camera, side);
-    let target = Size { width: size.0, height: size.1 };
+    let target = size;
     let alone: &[Interpolation] = parameters.network.as_ref().map_or(&[], |n| &n.side_inputs);
     let truth = Measurements::new(&samples, Footprint::Point, parameters.degradation.pitch, size, None, alone)?;
     let (mut refined, mut beside) = (Vec::new(), Vec::new());
@@ -176,9 +175,9 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
     let mut crops = Vec::new();
     for k in 0..count {
         let at = k % views.len();
-        let edge = parameters.pairs.crop.min(size.0.min(size.1).saturating_sub(2 * BORDER));
+        let edge = parameters.pairs.crop.min(size.width.min(size.height).saturating_sub(2 * BORDER));
         let mut corner = |n: usize| rng.random_range(BORDER..=(n - BORDER - edge).max(BORDER));
-        let (y, x) = (corner(size.1), corner(size.0));
+        let (y, x) = (corner(size.height), corner(size.width));
         let cut = |p: &Array2<f32>| p.slice(s![y..y + edge, x..x + edge]).to_owned();
         let side_inputs = beside[at].iter().map(cut).collect();
         crops.push(Crop { photo: index, high: cut(&truths[at]), low: cut(&refined[at]), side_inputs });
@@ -203,10 +202,10 @@ fn measured_lenslets(
     place: [f64; 2],
 ) -> Result<MeasuredLenslets, CaptureError> {
     let scale = camera.lenslets.pitch / pitch;
-    let side = (camera.sensor.0 as f64 / scale).ceil() as usize;
+    let side = (camera.sensor.width as f64 / scale).ceil() as usize;
     let in_view = lattice.window(side, side, place)?.centres;
     let centres: Vec<[f64; 2]> = in_view.iter().map(|c| c.map(|x| (x + 0.5) * scale - 0.5)).collect();
-    let middle = (camera.sensor.0 as f64 - 1.0) / 2.0;
+    let middle = (camera.sensor.width as f64 - 1.0) / 2.0;
     let offsets = centres.iter().map(|c| c.map(|x| x - middle));
     let nearest = offsets.min_by(|a, b| a[0].hypot(a[1]).total_cmp(&b[0].hypot(b[1])));
     let lenslets = LensletGrid {
@@ -220,6 +219,8 @@ fn measured_lenslets(
 
 #[cfg(test)]
 mod tests {
+    use lenslet_core::geometry::Size;
+
     use lenslet_core::calibration::{Calibration, Lattice};
 
     use super::*;

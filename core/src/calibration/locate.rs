@@ -94,14 +94,14 @@ pub fn locate_lenslets(
         f64::INFINITY,
     );
     grid = lattice_fit::fit_lattice(&grid, &first);
-    let mut illumination = Illumination::new(&first, width, height, grid.pitch());
+    let mut illumination = Illumination::new(&first, Size::new(width, height), grid.pitch());
     stage("centres, second")?;
 
     let sites = predict_lenslets(&grid, image, Some(&illumination));
     let mut profile = fit_micro_image(image, &sites, radius)?;
     let second = measure_lenslets(image, &profile, &sites, f64::INFINITY);
     grid = lattice_fit::fit_lattice(&grid, &second);
-    illumination = Illumination::new(&second, width, height, grid.pitch());
+    illumination = Illumination::new(&second, Size::new(width, height), grid.pitch());
     stage("centres, third")?;
 
     // The third round starts at the measured centres, each with its own brightness, and leaves out pixels that do not
@@ -121,7 +121,7 @@ pub fn locate_lenslets(
     }
     stage("shrink")?;
     let third: Vec<MeasuredLenslet> = reindex_lenslets(&grid, third);
-    let shrunk = shrink::shrink_centres(&grid, &third, width, height);
+    let shrunk = shrink::shrink_centres(&grid, &third, Size::new(width, height));
     let lenslets = lenslets_on_sensor(&third, &shrunk, width, height);
     Ok(LocatedLenslets {
         lattice: grid,

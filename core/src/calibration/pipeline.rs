@@ -11,6 +11,7 @@ use super::paper::variants;
 use super::photometric::{equalise, hot_pixels, texture, vignetting};
 use super::screening::{self, Screened};
 use crate::container::Capture;
+use crate::geometry::Size;
 use crate::progress::Observer;
 
 /// Relative difference of neighbouring lenslets above which a scene shows.
@@ -134,8 +135,8 @@ pub fn calibrate_from_captures(
     observer: &dyn Observer,
 ) -> Result<Calibration, Error> {
     let mut kept = screening::screen_captures(captures, options, observer)?;
-    let size = kept.first().map_or((0, 0), |(_, c)| (c.mosaic.width, c.mosaic.height));
-    hot_pixels::check_hot_pixels(&options.hot_pixels, size.0 * size.1)?;
+    let size = kept.first().map_or(Size::new(0, 0), |(_, c)| Size::new(c.mosaic.width, c.mosaic.height));
+    hot_pixels::check_hot_pixels(&options.hot_pixels, size.width * size.height)?;
     let (image, mut located) = pattern::locate_in_captures(&mut kept, options, observer)?;
     observer.begin("agreement", kept.len() as u64);
     agreement::weigh_by_agreement(&kept, &options.hot_pixels, size, &mut located, observer)?;

@@ -3,16 +3,19 @@
 
 use std::io::Cursor;
 
+use crate::geometry::Size;
 use image::{ImageBuffer, ImageFormat, Luma};
 use ndarray::{Array2, ArrayView2};
 
-/// The planes (t, s) of `width` × `height` floats in `bytes`, at most two; `None` when there is not one whole plane.
-pub fn read_depth_planes(bytes: &[u8], (width, height): (usize, usize)) -> Option<Vec<Array2<f32>>> {
-    let plane = width.checked_mul(height)?.checked_mul(4)?;
+/// The planes (t, s) of `size` floats in `bytes`, at most two; `None` when there is not one whole plane.
+pub fn read_depth_planes(bytes: &[u8], size: Size) -> Option<Vec<Array2<f32>>> {
+    let plane = size.pixels()?.checked_mul(4)?;
     let count = bytes.len().checked_div(plane)?.min(2);
     let values = |b: &[u8]| b.as_chunks::<4>().0.iter().map(|v| f32::from_le_bytes(*v)).collect();
     let planes = bytes.chunks_exact(plane.max(1)).take(count);
-    let planes = planes.map(|b| Array2::from_shape_vec((height, width), values(b)).ok()).collect::<Option<Vec<_>>>()?;
+    let planes = planes
+        .map(|b| Array2::from_shape_vec((size.height, size.width), values(b)).ok())
+        .collect::<Option<Vec<_>>>()?;
     (count > 0).then_some(planes)
 }
 
@@ -42,10 +45,13 @@ mod tests {
     fn planes_are_split_and_drawn() {
         let values: Vec<f32> = vec![-2.0, 0.0, f32::NAN, 1.0, 2.0, 3.0, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5];
         let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-        let p = read_depth_planes(&bytes, (3, 2)).unwrap();
+        let p = read_depth_planes(&bytes, Size::new(3, 2)).unwrap();
         assert_eq!(p.len(), 2);
-        assert_eq!(read_depth_planes(&bytes[..40], (3, 2)).unwrap().len(), 1);
-        assert!(read_depth_planes(&bytes, (30, 2)).is_none() && read_depth_planes(&bytes, (0, 2)).is_none());
+        assert_eq!(read_depth_planes(&bytes[..40], Size::new(3, 2)).unwrap().len(), 1);
+        assert!(
+            read_depth_planes(&bytes, Size::new(30, 2)).is_none()
+                && read_depth_planes(&bytes, Size::new(0, 2)).is_none()
+        );
         assert_eq!((p[0][[0, 1]], p[0][[1, 0]]), (0.0, 1.0));
         let (file, range) = depth_png(p[0].view()).unwrap();
         assert_eq!(range, Some((-2.0, 3.0)));

@@ -1,5 +1,6 @@
 //! Decoding: the raw stage, the demosaic and the view stage, one after the other.
 
+use crate::geometry::Size;
 use ndarray::Array3;
 
 use super::error::Error;
@@ -33,7 +34,7 @@ pub fn sample_views(
     let [dx, dy] = if options.recentre { aperture::aperture_middle(calibration) } else { [0.0; 2] };
     let centres: Vec<[f64; 2]> = calibration.lenslets.iter().map(|l| [l.x + dx, l.y + dy]).collect();
     let mut samples = HexSamples {
-        sensor: (calibration.width, calibration.height),
+        sensor: Size::new(calibration.width, calibration.height),
         index: calibration.lenslets.iter().map(|l| [l.i, l.j]).collect(),
         views: options.views,
         view_step: options.view_step,

@@ -1,5 +1,6 @@
 //! Hexagonal samples: what decoding produces and resampling starts from.
 
+use crate::geometry::Size;
 use ndarray::{Array3, ArrayView2, ArrayView5, Axis};
 
 use crate::sampling::{self, Footprint, lattice_samples};
@@ -8,7 +9,7 @@ use crate::sampling::{self, Footprint, lattice_samples};
 #[derive(Debug, Clone, PartialEq)]
 pub struct HexSamples {
     /// Sensor size (width, height) in pixels: the frame of `centres`.
-    pub sensor: (usize, usize),
+    pub sensor: Size,
     /// Lenslet centres (x, y) in sensor pixels, pixel centres at integers. They are the places of the samples of
     /// *every* view.
     pub centres: Vec<[f64; 2]>,
@@ -65,7 +66,15 @@ impl HexSamples {
         let shape = (rows * columns, centres.len(), channels);
         let values = Array3::from_shape_fn(shape, |(view, lenslet, channel)| found[view][[lenslet, channel]]);
         let weights = vec![1.0; rows * columns];
-        Ok(HexSamples { sensor: (width, height), centres, index, views: rows, view_step: 1.0, weights, values })
+        Ok(HexSamples {
+            sensor: Size::new(width, height),
+            centres,
+            index,
+            views: rows,
+            view_step: 1.0,
+            weights,
+            values,
+        })
     }
 
     /// Index of view (v, u) in `values` and `weights`: row v and column u from the top left, both in `0..n`; the
@@ -88,7 +97,7 @@ impl HexSamples {
     /// use ndarray::Array3;
     ///
     /// let samples = HexSamples {
-    ///     sensor: (40, 30),
+    ///     sensor: Size::new(40, 30),
     ///     centres: vec![[10.0, 10.0], [20.0, 10.0]],
     ///     index: vec![[0, 0], [1, 0]],
     ///     views: 3,

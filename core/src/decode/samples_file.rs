@@ -12,6 +12,7 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
+use crate::geometry::Size;
 use ndarray::{Array1, Array2, Array3};
 use ndarray_npy::{NpzWriter, WriteNpzError};
 use serde::{Deserialize, Serialize};
@@ -132,7 +133,7 @@ impl HexSamples {
     /// use ndarray::Array3;
     ///
     /// let samples = HexSamples {
-    ///     sensor: (40, 30),
+    ///     sensor: Size::new(40, 30),
     ///     centres: vec![[10.0, 10.0]],
     ///     index: vec![[0, 0]],
     ///     views: 1,
@@ -164,7 +165,7 @@ fn write_archive(file: File, samples: &HexSamples, origin: &SamplesOrigin) -> Re
     npz.add_array("centres", &pairs(&samples.centres))?;
     npz.add_array("index", &index)?;
     npz.add_array("offsets", &pairs(&offsets))?;
-    npz.add_array("sensor", &Array1::from_vec(vec![samples.sensor.0 as i32, samples.sensor.1 as i32]))?;
+    npz.add_array("sensor", &Array1::from_vec(vec![samples.sensor.width as i32, samples.sensor.height as i32]))?;
     npz.add_array("weights", &Array1::from_vec(samples.weights.clone()))?;
     npz.finish()?;
     Ok(())
@@ -208,7 +209,7 @@ fn read_archive(file: File) -> Result<HexSamples, String> {
         return Err(disagree());
     }
     Ok(HexSamples {
-        sensor: (width, height),
+        sensor: Size::new(width, height),
         centres: centres.items.as_chunks().0.to_vec(),
         index: index.items.as_chunks().0.to_vec(),
         views: n,
@@ -280,7 +281,7 @@ mod tests {
 
     fn some() -> HexSamples {
         HexSamples {
-            sensor: (40, 30),
+            sensor: Size::new(40, 30),
             centres: vec![[1.5, 2.5], [11.5, 2.25], [6.0, 11.0]],
             index: vec![[0, 0], [1, 0], [0, 1]],
             views: 3,

@@ -1,6 +1,7 @@
 //! Algorithm 1 as printed, "rotate image by the estimated angle", for captures: the demosaiced raw is resampled so that
 //! its rows of lenslets lie along the pixels. For comparison only: the default turns coordinates, and resamples once.
 
+use crate::geometry::Size;
 use ndarray::Array3;
 use rayon::prelude::*;
 
@@ -43,7 +44,7 @@ impl Turn {
             flat.par_chunks_mut((width * channels).max(1)).enumerate().for_each(|(y, row)| {
                 for (x, pixel) in row.chunks_exact_mut(channels).enumerate() {
                     let [sx, sy] = self.unturned([x as f64, y as f64]);
-                    let cell = Cell::clamped(sx, sy, width, height);
+                    let cell = Cell::clamped(sx, sy, Size::new(width, height));
                     for (c, p) in pixel.iter_mut().enumerate() {
                         let corners = cell.corners(|x, y| image[[y, x, c]]);
                         *p = bilinear_by_differences(corners, cell.fx as f32, cell.fy as f32);
@@ -68,7 +69,7 @@ mod tests {
             let [tx, ty] = turn.turned([x, y]);
             let back = turn.unturned([tx, ty]);
             assert!((back[0] - x).abs() < 1e-9 && (back[1] - y).abs() < 1e-9);
-            let cell = Cell::clamped(tx, ty, 80, 60);
+            let cell = Cell::clamped(tx, ty, Size::new(80, 60));
             let seen = bilinear_by_differences(cell.corners(|x, y| f64::from(out[[y, x, 1]])), cell.fx, cell.fy);
             assert!((seen - (0.01 * x + 0.02 * y + 1.0)).abs() < 1e-5, "{seen}");
         }

@@ -58,7 +58,7 @@ mod tests {
 
     #[test]
     fn corners_map_to_corners_and_the_inverse_map_inverts() {
-        let map = SensorToView::new((3280, 2987), (1080, 983));
+        let map = SensorToView::new(Size::new(3280, 2987), Size::new(1080, 983));
         let corner = map.to_view([3279.5, 2986.5]);
         assert!((corner[0] - 1079.5).abs() < 1e-9 && (corner[1] - 982.5).abs() < 1e-9);
         assert_eq!(map.to_view([-0.5, -0.5]), [-0.5, -0.5]);

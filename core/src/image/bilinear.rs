@@ -5,6 +5,7 @@
 //!
 //! Corners are always given as upper left, upper right, lower left, lower right.
 
+use crate::geometry::Size;
 use ndarray::NdFloat;
 
 /// A coordinate in pixels: f32 or f64.
@@ -47,13 +48,15 @@ impl<T: Position> Cell<T> {
     ///
     /// ```
     /// use lenslet_core::image::Cell;
-    /// let cell = Cell::clamped(2.25f32, 9.0, 4, 3);
+    /// use lenslet_core::geometry::Size;
+    /// let cell = Cell::clamped(2.25f32, 9.0, Size::new(4, 3));
     /// assert_eq!((cell.columns, cell.rows), ([2, 3], [2, 2]));
     /// assert_eq!((cell.fx, cell.fy), (0.25, 0.0));
     /// ```
     #[inline]
     #[must_use]
-    pub fn clamped(x: T, y: T, width: usize, height: usize) -> Self {
+    pub fn clamped(x: T, y: T, size: Size) -> Self {
+        let Size { width, height } = size;
         let ((x0, fx), (y0, fy)) = (x.split_clamped(width - 1), y.split_clamped(height - 1));
         Cell { columns: [x0, (x0 + 1).min(width - 1)], rows: [y0, (y0 + 1).min(height - 1)], fx, fy }
     }
@@ -142,12 +145,12 @@ mod tests {
     #[test]
     fn cells_stay_within_the_picture() {
         for (x, y) in [(-3.0, 0.4), (0.0, 0.0), (3.999, 1.5), (4.0, 2.0), (99.0, -1.0), (f64::NAN, 1.0)] {
-            let cell = Cell::clamped(x, y, 5, 3);
+            let cell = Cell::clamped(x, y, Size::new(5, 3));
             assert!(cell.columns.iter().all(|&x| x < 5) && cell.rows.iter().all(|&y| y < 3));
             let corners = cell.corners(|x, y| (x, y));
             assert_eq!(corners[1], (cell.columns[1], cell.rows[0]));
             assert_eq!(corners[2], (cell.columns[0], cell.rows[1]));
         }
-        assert_eq!(Cell::clamped(7.0f32, 7.0, 1, 1).columns, [0, 0]);
+        assert_eq!(Cell::clamped(7.0f32, 7.0, Size::new(1, 1)).columns, [0, 0]);
     }
 }

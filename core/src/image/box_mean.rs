@@ -3,6 +3,7 @@
 //! Two functions: [`box_mean`] runs on one thread, for the many planes of a cost volume, with f64 sums, accurate even
 //! over long rows; [`box_mean_in_bands`] filters a single picture on all threads. Their rounding differs.
 
+use crate::geometry::Size;
 use ndarray::{Array2, Axis};
 use rayon::prelude::*;
 
@@ -11,11 +12,13 @@ use rayon::prelude::*;
 ///
 /// ```
 /// use lenslet_core::image::box_mean;
+/// use lenslet_core::geometry::Size;
 /// let mut mean = Vec::new();
-/// box_mean(&[0.0, 3.0, 6.0], 3, 1, 1, &mut mean);
+/// box_mean(&[0.0, 3.0, 6.0], Size::new(3, 1), 1, &mut mean);
 /// assert_eq!(mean, [1.5, 3.0, 4.5]);
 /// ```
-pub fn box_mean(data: &[f32], width: usize, height: usize, r: usize, out: &mut Vec<f32>) {
+pub fn box_mean(data: &[f32], size: Size, r: usize, out: &mut Vec<f32>) {
+    let Size { width, height } = size;
     out.clear();
     out.resize(width * height, 0.0);
     if width == 0 || height == 0 {
@@ -128,7 +131,7 @@ mod tests {
         let (w, h, r) = (13, 9, 3);
         let data: Vec<f32> = (0..w * h).map(|k| ((k * 7919) % 101) as f32 / 101.0).collect();
         let mut fast = Vec::new();
-        box_mean(&data, w, h, r, &mut fast);
+        box_mean(&data, Size::new(w, h), r, &mut fast);
         for t in 0..h {
             for s in 0..w {
                 let (mut sum, mut n) = (0.0, 0.0);

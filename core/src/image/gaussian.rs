@@ -1,5 +1,6 @@
 //! Gaussian smoothing of planes and lists; the pixels at the ends repeat.
 
+use crate::geometry::Size;
 use rayon::prelude::*;
 
 /// A Gaussian cut off at some distance, its weights summing to 1.
@@ -28,7 +29,8 @@ impl GaussianFilter {
     }
 
     /// Smooths `width`×`height` values, row after row, in place: along the rows, then along the columns.
-    pub fn smooth(&self, data: &mut [f32], width: usize, height: usize) {
+    pub fn smooth(&self, data: &mut [f32], size: Size) {
+        let Size { width, height } = size;
         if width == 0 || height == 0 {
             return;
         }
@@ -67,12 +69,12 @@ mod tests {
     fn smoothing_keeps_planes_and_has_the_variance_it_is_asked_for() {
         let data: Vec<f32> = (0..40 * 30).map(|k| 0.02 * (k % 40) as f32 + 0.01 * (k / 40) as f32).collect();
         let mut smooth = data.clone();
-        GaussianFilter::new(1.6, 4.0).smooth(&mut smooth, 40, 30);
+        GaussianFilter::new(1.6, 4.0).smooth(&mut smooth, Size::new(40, 30));
         assert!((smooth[15 * 40 + 20] - data[15 * 40 + 20]).abs() < 1e-5);
         assert!((smooth[0] - data[0]).abs() > 1e-3);
         let mut point = vec![0f32; 41 * 41];
         point[20 * 41 + 20] = 1.0;
-        GaussianFilter::new(2.5, 4.0).smooth(&mut point, 41, 41);
+        GaussianFilter::new(2.5, 4.0).smooth(&mut point, Size::new(41, 41));
         let moment = |along: fn(usize) -> usize| {
             point.iter().enumerate().map(|(k, p)| p * (along(k) as f32 - 20.0).powi(2)).sum::<f32>()
         };

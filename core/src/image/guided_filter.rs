@@ -1,6 +1,7 @@
 //! The guided filter (He, Sun and Tang 2013): in every box the values are a linear function a·I + b of the guide I, with
 //! a = cov(I, p) / (var(I) + ε) and b = mean(p) − a·mean(I); a pixel gets the mean over the boxes that hold it.
 
+use crate::geometry::Size;
 use ndarray::Array2;
 
 use super::box_mean::{box_mean, box_mean_in_bands};
@@ -18,11 +19,12 @@ pub enum BoxMeans {
 ///
 /// ```
 /// use lenslet_core::image::{BoxMeans, GuidedFilter};
+/// use lenslet_core::geometry::Size;
 ///
 /// // Noise around 0 and 1, guided by a clean step: the step stays, the noise goes.
 /// let guide: Vec<f32> = (0..8).map(|x| if x < 4 { 0.0 } else { 1.0 }).collect();
 /// let mut values = vec![0.1, -0.1, 0.1, -0.1, 0.9, 1.1, 0.9, 1.1];
-/// GuidedFilter::new(&guide, 8, 1, 2, 1e-4, BoxMeans::OneThread).filter(&mut values);
+/// GuidedFilter::new(&guide, Size::new(8, 1), 2, 1e-4, BoxMeans::OneThread).filter(&mut values);
 /// assert!(values[..4].iter().all(|v| v.abs() < 0.06) && values[4..].iter().all(|v| (v - 1.0).abs() < 0.06));
 /// ```
 #[derive(Debug, Clone)]
@@ -44,7 +46,8 @@ impl<'a> GuidedFilter<'a> {
     /// # Panics
     /// When the guide has another number of values.
     #[must_use]
-    pub fn new(guide: &'a [f32], width: usize, height: usize, radius: usize, epsilon: f32, means: BoxMeans) -> Self {
+    pub fn new(guide: &'a [f32], size: Size, radius: usize, epsilon: f32, means: BoxMeans) -> Self {
+        let Size { width, height } = size;
         assert_eq!(guide.len(), width * height, "the guide has another size");
         let mut filter = GuidedFilter { guide, width, height, radius, means, mean: Vec::new(), inverse: Vec::new() };
         let (mut mean, mut square) = (Vec::new(), Vec::new());
@@ -80,7 +83,7 @@ impl<'a> GuidedFilter<'a> {
 
     fn box_means(&self, values: &[f32], out: &mut Vec<f32>) {
         match self.means {
-            BoxMeans::OneThread => box_mean(values, self.width, self.height, self.radius, out),
+            BoxMeans::OneThread => box_mean(values, Size::new(self.width, self.height), self.radius, out),
             BoxMeans::AllThreads => {
                 let plane = Array2::from_shape_fn((self.height, self.width), |(t, s)| values[t * self.width + s]);
                 *out = box_mean_in_bands(plane, self.radius).into_raw_vec_and_offset().0;
@@ -126,7 +129,7 @@ mod tests {
         let wanted = by_definition(&guide, &values, w, h, r, 0.01);
         for means in [BoxMeans::OneThread, BoxMeans::AllThreads] {
             let mut found = values.clone();
-            GuidedFilter::new(&guide, w, h, r, 0.01, means).filter(&mut found);
+            GuidedFilter::new(&guide, Size::new(w, h), r, 0.01, means).filter(&mut found);
             let worst = found.iter().zip(&wanted).map(|(a, b)| (f64::from(*a) - b).abs()).fold(0.0, f64::max);
             assert!(worst < 1e-5, "{means:?}: {worst}");
         }

@@ -3,6 +3,7 @@
 //! Plain rows, not an `Array2`: inner loops walk its rows as slices, and its two sizes are read in every pixel.
 
 use super::bilinear::{Cell, bilinear_by_differences};
+use crate::geometry::Size;
 
 /// One image, rows one after the other.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,7 +19,8 @@ pub struct Plane {
 impl Plane {
     /// A plane of one value.
     #[must_use]
-    pub fn filled(width: usize, height: usize, value: f32) -> Self {
+    pub fn filled(size: Size, value: f32) -> Self {
+        let Size { width, height } = size;
         Plane { width, height, data: vec![value; width * height] }
     }
 
@@ -40,7 +42,7 @@ impl Plane {
     #[inline]
     #[must_use]
     pub fn bilinear_at(&self, x: f32, y: f32) -> f32 {
-        let cell = Cell::clamped(x, y, self.width, self.height);
+        let cell = Cell::clamped(x, y, Size::new(self.width, self.height));
         let (top, bottom) = (self.row(cell.rows[0]), self.row(cell.rows[1]));
         let [x0, x1] = cell.columns;
         bilinear_by_differences([top[x0], top[x1], bottom[x0], bottom[x1]], cell.fx, cell.fy)
@@ -50,7 +52,7 @@ impl Plane {
     #[must_use]
     pub fn halved(&self) -> Plane {
         let (w, h) = ((self.width / 2).max(1), (self.height / 2).max(1));
-        let mut out = Plane::filled(w, h, 0.0);
+        let mut out = Plane::filled(Size::new(w, h), 0.0);
         for t in 0..h {
             let (a, b) = (self.row((2 * t).min(self.height - 1)), self.row((2 * t + 1).min(self.height - 1)));
             for s in 0..w {

@@ -1,6 +1,7 @@
 //! Registration of one picture onto another, for results of tools with another geometry and exposure: an affine map A
 //! by Gauss-Newton on `Σ (g·R(A x) + o − T(x))²` over luminance, coarse to fine, then gain and offset of every channel.
 
+use crate::geometry::Size;
 use ndarray::{Array2, Array3, ArrayView3};
 use rayon::prelude::*;
 
@@ -87,7 +88,7 @@ impl Alignment {
             }
         }
         let mut alignment = Alignment { affine, gain: Vec::new() };
-        let warped = warp_affine(result, &alignment.affine, (reference.dim().0, reference.dim().1));
+        let warped = warp_affine(result, &alignment.affine, Size::new(reference.dim().1, reference.dim().0));
         let rim = (reference.dim().0.min(reference.dim().1) / 18).max(1);
         for c in 0..reference.dim().2 {
             let inner = ndarray::s![rim..reference.dim().0 - rim, rim..reference.dim().1 - rim, c];
@@ -96,8 +97,8 @@ impl Alignment {
         Ok(alignment)
     }
 
-    /// `result` (t, s, c) brought onto a reference of `size` (height, width), gain and offset applied.
-    pub fn apply(&self, result: ArrayView3<f32>, size: (usize, usize)) -> Array3<f32> {
+    /// `result` (t, s, c) brought onto a reference of `size`, gain and offset applied.
+    pub fn apply(&self, result: ArrayView3<f32>, size: Size) -> Array3<f32> {
         let mut out = warp_affine(result, &self.affine, size);
         for (c, &[gain, offset]) in self.gain.iter().enumerate().take(out.dim().2) {
             out.index_axis_mut(ndarray::Axis(2), c).mapv_inplace(|x| (gain * f64::from(x) + offset) as f32);
@@ -126,7 +127,8 @@ fn fit_gain_and_offset<'a>(
 }
 
 /// The picture sampled at `a` applied to every pixel of an output of this size, bicubic.
-fn warp_affine(picture: ArrayView3<f32>, a: &[f64; 6], (height, width): (usize, usize)) -> Array3<f32> {
+fn warp_affine(picture: ArrayView3<f32>, a: &[f64; 6], size: Size) -> Array3<f32> {
+    let Size { width, height } = size;
     let channels = picture.dim().2;
     let mut out = vec![0.0; height * width * channels];
     out.par_chunks_mut(width * channels).enumerate().for_each(|(t, row)| {
@@ -274,7 +276,7 @@ mod tests {
         for [gain, offset] in &found.gain {
             assert!((gain - 1.25).abs() < 0.01 && (offset + 0.0625).abs() < 0.01, "{found:?}");
         }
-        let back = found.apply(result.view(), (200, 240));
+        let back = found.apply(result.view(), Size::new(240, 200));
         let cut = ndarray::s![12..188, 12..228, ..];
         let score = psnr(back.slice(cut), truth.slice(cut)).unwrap();
         assert!(score > 45.0, "{score}");

@@ -4,7 +4,7 @@ use ndarray::{Array3, ArrayView3};
 use rayon::prelude::*;
 
 use super::error::{Error, check_size};
-use crate::geometry::SensorToView;
+use crate::geometry::{SensorToView, Size};
 use crate::image::keys_weights;
 
 /// Taps of one output position: four clamped indices and their weights.
@@ -35,25 +35,27 @@ pub fn bicubic_at(image: ArrayView3<'_, f32>, x: f64, y: f64, out: &mut [f32]) {
     }
 }
 
-/// Enlarges (or plainly resamples, without a wider kernel for shrinking) `image` (t, s, c) to `width`×`height`; places
-/// by [`crate::geometry::SensorToView`].
+/// Enlarges (or plainly resamples, without a wider kernel for shrinking) `image` (t, s, c) to `size`; places by
+/// [`crate::geometry::SensorToView`].
 ///
 /// # Errors
 /// An empty image, or a size out of range.
 ///
 /// ```
+/// use lenslet_core::geometry::Size;
 /// use lenslet_core::sampling::bicubic::resize_bicubic;
 /// let image = ndarray::Array3::from_elem((3, 4, 2), 0.25);
-/// let large = resize_bicubic(image.view(), 8, 6)?;
+/// let large = resize_bicubic(image.view(), Size::new(8, 6))?;
 /// assert_eq!(large.dim(), (6, 8, 2));
 /// assert!(large.iter().all(|v| (v - 0.25).abs() < 1e-6));
 /// # Ok::<(), lenslet_core::sampling::Error>(())
 /// ```
-pub fn resize_bicubic(image: ArrayView3<'_, f32>, width: usize, height: usize) -> Result<Array3<f32>, Error> {
+pub fn resize_bicubic(image: ArrayView3<'_, f32>, size: Size) -> Result<Array3<f32>, Error> {
     let (h, w, channels) = image.dim();
-    check_size("image", w, h)?;
-    check_size("view", width, height)?;
-    let map = SensorToView::new((w, h), (width, height));
+    check_size("image", Size::new(w, h))?;
+    check_size("view", size)?;
+    let map = SensorToView::new(Size::new(w, h), size);
+    let Size { width, height } = size;
     let source_of = |s: usize, t: usize| map.to_sensor([s as f64, t as f64]);
     let columns: Vec<_> = (0..width).map(|s| taps(source_of(s, 0)[0], w)).collect();
     // Along the rows first: (h, width, c).
@@ -92,7 +94,7 @@ mod tests {
     #[test]
     fn the_separable_form_equals_the_plain_one() {
         let image = Array3::from_shape_fn((7, 9, 2), |(t, s, c)| ((t * 31 + s * 17 + c * 7) % 13) as f32 / 6.0 - 1.0);
-        let out = resize_bicubic(image.view(), 23, 30).unwrap();
+        let out = resize_bicubic(image.view(), Size::new(23, 30)).unwrap();
         for t in 0..30 {
             for s in 0..23 {
                 let mut plain = [0f32; 2];
@@ -125,9 +127,9 @@ mod tests {
 
     #[test]
     fn bad_sizes_are_errors() {
-        assert!(resize_bicubic(Array3::zeros((0, 3, 1)).view(), 4, 4).is_err());
-        assert!(resize_bicubic(Array3::zeros((3, 3, 1)).view(), 0, 4).is_err());
-        assert!(resize_bicubic(Array3::zeros((3, 3, 1)).view(), usize::MAX, 4).is_err());
-        assert_eq!(resize_bicubic(Array3::zeros((3, 3, 0)).view(), 4, 5).unwrap().dim(), (5, 4, 0));
+        assert!(resize_bicubic(Array3::zeros((0, 3, 1)).view(), Size::new(4, 4)).is_err());
+        assert!(resize_bicubic(Array3::zeros((3, 3, 1)).view(), Size::new(0, 4)).is_err());
+        assert!(resize_bicubic(Array3::zeros((3, 3, 1)).view(), Size::new(usize::MAX, 4)).is_err());
+        assert_eq!(resize_bicubic(Array3::zeros((3, 3, 0)).view(), Size::new(4, 5)).unwrap().dim(), (5, 4, 0));
     }
 }

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::error::Error;
 use super::gradient::{self, Stencils};
 use super::weights::Weights;
-use crate::geometry::SensorToView;
+use crate::geometry::{SensorToView, Size};
 
 /// A linear form in the three corner values and the three corner slopes: (f₀ f₁ f₂ gx₀ gx₁ gx₂ gy₀ gy₁ gy₂).
 type Form = [f64; 9];
@@ -43,17 +43,17 @@ impl Cubic {
     /// use lenslet_core::sampling::Cubic;
     /// let size = Size::new(30, 24);
     /// let centres = Lattice::hexagonal(3.3, 0.0, 1.0, [1.0, 1.0]).points_within(size, 0.0).centres;
-    /// let surface = Cubic::new(&centres, (30, 24), (30, 24))?;
+    /// let surface = Cubic::new(&centres, Size::new(30, 24), Size::new(30, 24))?;
     /// // Planes are reproduced.
     /// let values =
     ///     ndarray::Array2::from_shape_fn((centres.len(), 1), |(k, _)| (centres[k][0] - centres[k][1]) as f32);
     /// assert!((surface.apply(values.view())?[[10, 14, 0]] - 4.0).abs() < 1e-4);
     /// # Ok::<(), lenslet_core::sampling::Error>(())
     /// ```
-    pub fn new(centres: &[[f64; 2]], sensor: (usize, usize), target: (usize, usize)) -> Result<Self, Error> {
+    pub fn new(centres: &[[f64; 2]], sensor: Size, target: Size) -> Result<Self, Error> {
         let linear = Weights::new(centres, sensor, target)?;
         let points = SensorToView::new(sensor, target).all_to_view(centres);
-        let (width, height) = target;
+        let Size { width, height } = target;
         let blank = Entry { index: [0; 3], weight: [0.0; 9] };
         let mut entries = vec![blank; width * height];
         entries.par_chunks_mut(width).enumerate().for_each(|(t, row)| {
@@ -313,7 +313,7 @@ mod tests {
     fn planes_come_back_and_samples_are_met() {
         let centres =
             Lattice::hexagonal(10.0, 0.003, 1.0004, [102.3, 71.1]).points_within(Size::new(400, 300), 0.0).centres;
-        let surface = Cubic::new(&centres, (400, 300), (132, 99)).unwrap();
+        let surface = Cubic::new(&centres, Size::new(400, 300), Size::new(132, 99)).unwrap();
         let f = |x: f64, y: f64| 0.3 + 0.002 * x - 0.001 * y;
         let values =
             Array2::from_shape_fn((centres.len(), 2), |(k, c)| (f(centres[k][0], centres[k][1]) + c as f64) as f32);
@@ -328,7 +328,7 @@ mod tests {
         // A target on whose pixels the lattice points lie: the surface passes through the samples.
         let grid: Vec<[f64; 2]> =
             (0..30).flat_map(|j| (0..30).map(move |i| [f64::from(i * 4 + 2 * (j % 2)), f64::from(j) * 3.0])).collect();
-        let surface = Cubic::new(&grid, (120, 90), (120, 90)).unwrap();
+        let surface = Cubic::new(&grid, Size::new(120, 90), Size::new(120, 90)).unwrap();
         let values = Array2::from_shape_fn((grid.len(), 3), |(k, c)| ((k * 7919 + c * 31) % 101) as f32 / 100.0);
         let view = surface.apply(values.view()).unwrap();
         for (k, g) in grid.iter().enumerate() {

@@ -1,5 +1,6 @@
 //! Errors of sampling, and the largest size of a picture.
 
+use crate::geometry::Size;
 use crate::geometry::TriangulationError;
 
 /// Largest number of output pixels one table or view may have (a 16384×16384 view).
@@ -36,9 +37,9 @@ pub enum Error {
 }
 
 /// Refuses a size of zero or of more than [`MAX_PIXELS`].
-pub(super) fn check_size(what: &'static str, width: usize, height: usize) -> Result<(), Error> {
-    match width.checked_mul(height) {
+pub(super) fn check_size(what: &'static str, size: Size) -> Result<(), Error> {
+    match size.pixels() {
         Some(n) if n > 0 && n <= MAX_PIXELS => Ok(()),
-        _ => Err(Error::Size { what, width, height, max: MAX_PIXELS }),
+        _ => Err(Error::Size { what, width: size.width, height: size.height, max: MAX_PIXELS }),
     }
 }

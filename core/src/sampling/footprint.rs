@@ -35,19 +35,19 @@ pub enum Footprint {
 /// A size out of range; a lattice that is degenerate, or finer than half a pixel.
 ///
 /// ```
-/// use lenslet_core::geometry::Lattice;
+/// use lenslet_core::geometry::{Lattice, Size};
 /// use lenslet_core::sampling::lattice_points_in;
-/// let points = lattice_points_in(&Lattice::hexagonal(3.0, 0.0, 1.0, [1.0, 1.0]), 7, 3)?;
+/// let points = lattice_points_in(&Lattice::hexagonal(3.0, 0.0, 1.0, [1.0, 1.0]), Size::new(7, 3))?;
 /// assert_eq!(points.centres, [[1.0, 1.0], [4.0, 1.0]]);
 /// # Ok::<(), lenslet_core::sampling::Error>(())
 /// ```
-pub fn lattice_points_in(lattice: &Lattice, width: usize, height: usize) -> Result<LatticePoints, Error> {
-    check_size("image", width, height)?;
+pub fn lattice_points_in(lattice: &Lattice, size: Size) -> Result<LatticePoints, Error> {
+    check_size("image", size)?;
     let det = lattice.a[0] * lattice.b[1] - lattice.a[1] * lattice.b[0];
     if !(0.25..1e12).contains(&det.abs()) || !lattice.centre(0, 0).iter().all(|c| c.abs() < 1e9) {
         return Err(Error::Parameter(format!("a lattice with cells of {det} square pixels cannot sample an image")));
     }
-    Ok(lattice.points_within(Size::new(width, height), 0.0))
+    Ok(lattice.points_within(size, 0.0))
 }
 
 /// Samples `image` (t, s, c) at `centres`: shape (centres, channels). Beyond the border the edge pixel repeats.
@@ -60,7 +60,7 @@ pub fn sample_image(
     footprint: Footprint,
 ) -> Result<Array2<f32>, Error> {
     let (height, width, channels) = image.dim();
-    check_size("image", width, height)?;
+    check_size("image", Size::new(width, height))?;
     if let Some(k) = centres.iter().position(|c| !c.iter().all(|v| v.abs() < 1e9)) {
         return Err(Error::NotFinite(k));
     }
@@ -114,7 +114,7 @@ fn disc(diameter: f64) -> Result<Vec<[f64; 2]>, Error> {
 /// Adds the bilinear values of all channels at (x, y), in f64.
 fn add_bilinear(image: ArrayView3<'_, f32>, x: f64, y: f64, sums: &mut [f64]) {
     let (height, width, _) = image.dim();
-    let cell = Cell::clamped(x, y, width, height);
+    let cell = Cell::clamped(x, y, Size::new(width, height));
     for (c, sum) in sums.iter_mut().enumerate() {
         *sum += bilinear_by_differences(cell.corners(|x, y| f64::from(image[[y, x, c]])), cell.fx, cell.fy);
     }
@@ -148,12 +148,12 @@ pub fn lattice_samples(
         )));
     }
     let (height, width, _) = image.dim();
-    check_size("image", width, height)?;
+    check_size("image", Size::new(width, height))?;
     let mut lattice = Lattice::hexagonal(pitch, rotation, 1.0, [(width - 1) as f64 / 2.0, (height - 1) as f64 / 2.0]);
     for k in 0..2 {
         lattice.origin[k] += phase[0] * lattice.a[k] + phase[1] * lattice.b[k];
     }
-    let points = lattice_points_in(&lattice, width, height)?;
+    let points = lattice_points_in(&lattice, Size::new(width, height))?;
     let values = sample_image(image, &points.centres, footprint)?;
     Ok((points, values))
 }
@@ -190,7 +190,7 @@ mod tests {
         assert!(sample_image(image.view(), &[[f64::NAN, 0.0]], Footprint::Point).is_err());
         assert!(sample_image(image.view(), &[[0.0, 0.0]], Footprint::Disc(0.0)).is_err());
         assert!(sample_image(Array3::zeros((0, 4, 1)).view(), &[], Footprint::Point).is_err());
-        assert!(lattice_points_in(&Lattice::hexagonal(0.2, 0.0, 1.0, [0.0; 2]), 10, 10).is_err());
-        assert!(lattice_points_in(&Lattice::hexagonal(3.0, 0.0, 1.0, [f64::NAN; 2]), 10, 10).is_err());
+        assert!(lattice_points_in(&Lattice::hexagonal(0.2, 0.0, 1.0, [0.0; 2]), Size::new(10, 10)).is_err());
+        assert!(lattice_points_in(&Lattice::hexagonal(3.0, 0.0, 1.0, [f64::NAN; 2]), Size::new(10, 10)).is_err());
     }
 }

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::geometry::Triangulation;
+use crate::geometry::{Size, Triangulation};
 
 /// Rows of one band; bands are drawn independently.
 /// Source: chosen; results do not depend on it.
@@ -32,9 +32,10 @@ pub(super) fn barycentric(p: [[f64; 2]; 3], x: f64, y: f64) -> [f64; 3] {
     [1.0 - w1 - w2, w1, w2]
 }
 
-/// Draws the triangles over `points` (already in output pixels) into a `width`×`height` table. A pixel on an edge goes
+/// Draws the triangles over `points` (already in output pixels) into a table of `size`. A pixel on an edge goes
 /// to the first triangle of the list that holds it.
-pub(super) fn draw(mesh: &Triangulation, points: &[[f64; 2]], width: usize, height: usize) -> Vec<Entry> {
+pub(super) fn draw(mesh: &Triangulation, points: &[[f64; 2]], size: Size) -> Vec<Entry> {
+    let Size { width, height } = size;
     let corners = |t: &[u32; 3]| t.map(|v| points[v as usize]);
     let bands = height.div_ceil(BAND);
     let mut bucket: Vec<Vec<u32>> = vec![Vec::new(); bands];

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::error::{Error, check_size};
 use super::raster::{self, Entry};
-use crate::geometry::{SensorToView, Triangulation, triangulate};
+use crate::geometry::{SensorToView, Size, Triangulation, triangulate};
 
 /// For each output pixel three samples and their weights (≥ 0, sum 1): applied to any view and any channels.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,31 +17,31 @@ pub struct Weights {
 }
 
 impl Weights {
-    /// The table for samples at `centres` (pixels of a `sensor` = width, height frame) and a `target` = (width, height)
-    /// view. Outside the triangulation a pixel has the value of the nearest point of its outline.
+    /// The table for samples at `centres` (pixels of a `sensor` frame) and a `target` view. Outside the triangulation a pixel has the value of the nearest point of its outline.
     ///
     /// # Errors
     /// Sizes out of range; centres that cannot be triangulated (see [`triangulate`]).
     ///
     /// ```
+    /// use lenslet_core::geometry::Size;
     /// use lenslet_core::sampling::Weights;
     /// // Four samples at the corners of a 3×3 frame, seen at its own size.
-    /// let table = Weights::new(&[[0.0, 0.0], [2.0, 0.0], [0.0, 2.0], [2.0, 2.0]], (3, 3), (3, 3))?;
+    /// let table = Weights::new(&[[0.0, 0.0], [2.0, 0.0], [0.0, 2.0], [2.0, 2.0]], Size::new(3, 3), Size::new(3, 3))?;
     /// let view = table.apply(ndarray::array![[0.0], [2.0], [4.0], [6.0]].view())?;
     /// assert_eq!((view[[0, 1, 0]], view[[1, 1, 0]]), (1.0, 3.0));
     /// # Ok::<(), lenslet_core::sampling::Error>(())
     /// ```
-    pub fn new(centres: &[[f64; 2]], sensor: (usize, usize), target: (usize, usize)) -> Result<Self, Error> {
-        check_size("sensor", sensor.0, sensor.1)?;
-        check_size("view", target.0, target.1)?;
+    pub fn new(centres: &[[f64; 2]], sensor: Size, target: Size) -> Result<Self, Error> {
+        check_size("sensor", sensor)?;
+        check_size("view", target)?;
         let mesh = triangulate(centres)?;
         Ok(Self::from_mesh(&mesh, centres, sensor, target))
     }
 
-    fn from_mesh(mesh: &Triangulation, centres: &[[f64; 2]], sensor: (usize, usize), target: (usize, usize)) -> Self {
+    fn from_mesh(mesh: &Triangulation, centres: &[[f64; 2]], sensor: Size, target: Size) -> Self {
         let points = SensorToView::new(sensor, target).all_to_view(centres);
-        let (width, height) = target;
-        let mut entries = raster::draw(mesh, &points, width, height);
+        let Size { width, height } = target;
+        let mut entries = raster::draw(mesh, &points, target);
         let outline = Outline::new(mesh, &points);
         entries.par_chunks_mut(width).enumerate().for_each(|(t, row)| {
             for (s, entry) in row.iter_mut().enumerate() {
@@ -53,9 +53,9 @@ impl Weights {
         Weights { width, height, samples: centres.len(), entries }
     }
 
-    /// Output size (width, height).
-    pub fn size(&self) -> (usize, usize) {
-        (self.width, self.height)
+    /// Output size.
+    pub fn size(&self) -> Size {
+        Size::new(self.width, self.height)
     }
 
     /// Number of samples the table refers to.
@@ -220,7 +220,7 @@ mod tests {
     #[test]
     fn a_plane_is_reproduced_inside_and_weights_sum_to_one() {
         let centres = lattice();
-        let table = Weights::new(&centres, (400, 300), (131, 98)).unwrap();
+        let table = Weights::new(&centres, Size::new(400, 300), Size::new(131, 98)).unwrap();
         let f = |x: f64, y: f64| 0.3 + 0.002 * x - 0.001 * y;
         let values = Array2::from_shape_fn((centres.len(), 1), |(k, _)| f(centres[k][0], centres[k][1]) as f32);
         let view = table.apply(values.view()).unwrap();
@@ -243,8 +243,8 @@ mod tests {
     #[test]
     fn equals_the_plain_query_of_the_triangulation() {
         let centres = lattice();
-        let target = (140, 105);
-        let table = Weights::new(&centres, (400, 300), target).unwrap();
+        let target = Size::new(140, 105);
+        let table = Weights::new(&centres, Size::new(400, 300), target).unwrap();
         let points: Vec<Point2<f64>> = centres.iter().map(|c| Point2::new(c[0], c[1])).collect();
         let mesh = DelaunayTriangulation::<Point2<f64>>::bulk_load_stable(points).unwrap();
         let query = mesh.barycentric();
@@ -264,11 +264,11 @@ mod tests {
     #[test]
     fn outside_the_outline_the_nearest_edge_decides() {
         let centres = lattice();
-        let target = (80, 60);
-        let table = Weights::new(&centres, (400, 300), target).unwrap();
+        let target = Size::new(80, 60);
+        let table = Weights::new(&centres, Size::new(400, 300), target).unwrap();
         let mesh = triangulate(&centres).unwrap();
-        let points = SensorToView::new((400, 300), target).all_to_view(&centres);
-        let inside = raster::draw(&mesh, &points, 80, 60);
+        let points = SensorToView::new(Size::new(400, 300), target).all_to_view(&centres);
+        let inside = raster::draw(&mesh, &points, target);
         let mut checked = 0;
         for t in 0..60 {
             for s in 0..80 {
@@ -299,7 +299,7 @@ mod tests {
     #[test]
     fn channels_do_not_matter_to_each_other() {
         let centres = lattice();
-        let table = Weights::new(&centres, (400, 300), (50, 40)).unwrap();
+        let table = Weights::new(&centres, Size::new(400, 300), Size::new(50, 40)).unwrap();
         let values = Array2::from_shape_fn((centres.len(), 4), |(k, c)| ((k * 31 + c * 7) % 17) as f32);
         let all = table.apply(values.view()).unwrap();
         for c in 0..4 {
@@ -315,8 +315,8 @@ mod tests {
     #[test]
     fn sizes_out_of_range_are_errors() {
         let centres = lattice();
-        assert!(Weights::new(&centres, (400, 300), (0, 10)).is_err());
-        assert!(Weights::new(&centres, (0, 300), (10, 10)).is_err());
-        assert!(Weights::new(&centres, (400, 300), (usize::MAX, 2)).is_err());
+        assert!(Weights::new(&centres, Size::new(400, 300), Size::new(0, 10)).is_err());
+        assert!(Weights::new(&centres, Size::new(0, 300), Size::new(10, 10)).is_err());
+        assert!(Weights::new(&centres, Size::new(400, 300), Size::new(usize::MAX, 2)).is_err());
     }
 }

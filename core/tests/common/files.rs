@@ -13,6 +13,7 @@ use lenslet_core::container::segments::Container;
 use lenslet_core::container::{CameraFacts, Capture, Cfa, ColourFacts, Levels, MlaHint, RawMosaic, write_lfp};
 use lenslet_core::decode::HexSamples;
 use lenslet_core::dictionary::{Anchored, Dictionary, Footprint, Layer, Model, Network, PatchModel, Recipe, Storage};
+use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use ndarray::{Array1, Array2, Array3};
 
@@ -210,7 +211,7 @@ pub fn calibration_of(width: usize, height: usize) -> Calibration {
 /// Samples of 3×3 views and this many lenslets.
 pub fn small_samples(lenslets: i32) -> HexSamples {
     HexSamples {
-        sensor: (64, 48),
+        sensor: Size::new(64, 48),
         centres: (0..lenslets).map(|k| [f64::from(k), f64::from(k) * 2.0]).collect(),
         index: (0..lenslets).map(|k| [k, 0]).collect(),
         views: 3,

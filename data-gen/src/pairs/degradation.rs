@@ -2,6 +2,7 @@
 //! section 4.4), or the rectangular grid of super-resolution protocols.
 
 use lenslet_core::dictionary::Footprint;
+use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::random::standard_normal;
 use lenslet_core::sampling::{self, Weights, lattice_samples};
@@ -87,7 +88,9 @@ pub fn degrade_plane(
         values.mapv_inplace(|v| v + degradation.noise * standard_normal(rng) as f32);
     }
     let low = match degradation.base {
-        Interpolation::Barycentric => Weights::new(&placed.centres, (w, h), (w, h))?.apply(values.view())?,
+        Interpolation::Barycentric => {
+            Weights::new(&placed.centres, Size::new(w, h), Size::new(w, h))?.apply(values.view())?
+        }
         other => return Err(Error::Parameter(format!("pairs on a {other} base are not made from hexagonal samples"))),
     };
     Ok(low.index_axis_move(Axis(2), 0).as_standard_layout().into_owned())
@@ -111,7 +114,8 @@ fn shrink_and_enlarge(
     if degradation.noise > 0.0 {
         small.mapv_inplace(|v| v + degradation.noise * standard_normal(rng) as f32);
     }
-    Ok(sampling::bicubic::resize_bicubic(small.view().insert_axis(Axis(2)), w, h)?.index_axis_move(Axis(2), 0))
+    Ok(sampling::bicubic::resize_bicubic(small.view().insert_axis(Axis(2)), Size::new(w, h))?
+        .index_axis_move(Axis(2), 0))
 }
 
 #[cfg(test)]
@@ -136,7 +140,8 @@ mod tests {
         let window = lattice.window(90, 80, [same.random(), same.random()]).unwrap();
         let image = high.view().insert_axis(Axis(2));
         let values = sampling::sample_image(image, &window.centres, sampling::Footprint::Bilinear).unwrap();
-        let plain = Weights::new(&window.centres, (90, 80), (90, 80)).unwrap().apply(values.view()).unwrap();
+        let plain =
+            Weights::new(&window.centres, Size::new(90, 80), Size::new(90, 80)).unwrap().apply(values.view()).unwrap();
         assert_eq!(low, plain.index_axis(Axis(2), 0));
         let regular = Degradation { lattice: None, ..degradation };
         assert_ne!(low, degrade_plane(high.view(), &regular, &mut ChaCha8Rng::seed_from_u64(4)).unwrap());

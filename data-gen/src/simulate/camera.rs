@@ -5,6 +5,7 @@
 //! Where the lenslets are is described in [`Lenslets`](super::Lenslets).
 
 use lenslet_core::container::{CameraProfile, Cfa, ColourFacts};
+use lenslet_core::geometry::Size;
 use serde::{Deserialize, Serialize};
 
 use super::error::Error;
@@ -140,7 +141,7 @@ impl Default for CameraIdentity {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
     /// Sensor (width, height) in pixels, both even, 64..=16384; default 3280×3280.
-    pub sensor: (usize, usize),
+    pub sensor: Size,
     /// Where the lenslets are.
     #[serde(flatten)]
     pub lenslets: LensletGrid,
@@ -161,7 +162,7 @@ pub struct Camera {
 impl Default for Camera {
     fn default() -> Self {
         Camera {
-            sensor: (3280, 3280),
+            sensor: Size::new(3280, 3280),
             lenslets: LensletGrid::default(),
             optics: Optics::default(),
             response: SensorResponse::default(),
@@ -174,7 +175,7 @@ impl Default for Camera {
 impl Camera {
     /// The default camera with a square sensor of `side` pixels: a smaller piece of the scene at the same detail.
     pub fn with_sensor(side: usize) -> Camera {
-        Camera { sensor: (side, side), ..Camera::default() }
+        Camera { sensor: Size::new(side, side), ..Camera::default() }
     }
 
     /// A camera with the sensor, lenslets and colours of a profile (those of its measured body where it has one); the
@@ -190,7 +191,7 @@ impl Camera {
             colour.ccm = m.ccm;
         }
         Camera {
-            sensor: (sensor.width, sensor.height),
+            sensor: Size::new(sensor.width, sensor.height),
             lenslets: LensletGrid {
                 pitch: mla.map_or(default.lenslets.pitch, |m| m.pitch),
                 row_stretch: mla.map_or(default.lenslets.row_stretch, |m| m.row_stretch),
@@ -237,7 +238,7 @@ impl Camera {
     /// # Errors
     /// [`Error::Parameter`] naming the first value out of range.
     pub fn check(&self) -> Result<(), Error> {
-        for side in [self.sensor.0, self.sensor.1] {
+        for side in [self.sensor.width, self.sensor.height] {
             if !(64..=16384).contains(&side) || side % 2 != 0 {
                 return Err(Error::Parameter(format!(
                     "the sensor's sides must be even and lie in 64..=16384, not {side}"
@@ -246,7 +247,7 @@ impl Camera {
         }
         let grid = &self.lenslets;
         within("the pitch", grid.pitch, 4.0, 64.0)?;
-        let count = self.sensor.0 as f64 * self.sensor.1 as f64 / (grid.pitch * grid.pitch);
+        let count = self.sensor.width as f64 * self.sensor.height as f64 / (grid.pitch * grid.pitch);
         if count > 4e6 {
             return Err(Error::Parameter(format!("{count:.0} lenslets are too many: at most 4000000")));
         }
@@ -266,7 +267,7 @@ impl Camera {
     /// The middle of the sensor (x, y), pixel centres at integers.
     #[inline]
     pub fn middle(&self) -> [f64; 2] {
-        [(self.sensor.0 as f64 - 1.0) / 2.0, (self.sensor.1 as f64 - 1.0) / 2.0]
+        [(self.sensor.width as f64 - 1.0) / 2.0, (self.sensor.height as f64 - 1.0) / 2.0]
     }
 
     /// How much farther from the middle of the sensor micro-images lie than their lenslets, under a pupil shift in
@@ -291,7 +292,7 @@ impl Camera {
     /// Main-lens vignetting at a pixel: 1 in the centre, `1 − vignetting` in the corners.
     #[inline]
     pub fn vignetting_at(&self, x: f64, y: f64) -> f64 {
-        let (cx, cy) = ((self.sensor.0 as f64 - 1.0) / 2.0, (self.sensor.1 as f64 - 1.0) / 2.0);
+        let (cx, cy) = ((self.sensor.width as f64 - 1.0) / 2.0, (self.sensor.height as f64 - 1.0) / 2.0);
         1.0 - self.optics.vignetting * ((x - cx).powi(2) + (y - cy).powi(2)) / (cx * cx + cy * cy)
     }
 }
@@ -393,8 +394,8 @@ mod tests {
         let response = |response| Camera { response, ..Camera::default() };
         let black = ColourFacts { ccm: [0.0; 9], ..SensorResponse::default().colour };
         for bad in [
-            Camera { sensor: (63, 64), ..Camera::default() },
-            Camera { sensor: (20000, 64), ..Camera::default() },
+            Camera { sensor: Size::new(63, 64), ..Camera::default() },
+            Camera { sensor: Size::new(20000, 64), ..Camera::default() },
             grid(LensletGrid { pitch: f64::NAN, ..LensletGrid::default() }),
             grid(LensletGrid { pitch: 1.0, ..LensletGrid::default() }),
             grid(LensletGrid { jitter: 3.0, ..LensletGrid::default() }),

@@ -75,8 +75,8 @@ impl Canvas {
             )));
         }
         let half = [
-            camera.sensor.0 as f64 / (2.0 * camera.lenslets.pitch),
-            camera.sensor.1 as f64 / (2.0 * camera.lenslets.pitch),
+            camera.sensor.width as f64 / (2.0 * camera.lenslets.pitch),
+            camera.sensor.height as f64 / (2.0 * camera.lenslets.pitch),
         ];
         Ok(Canvas { half, disparity, seed: (seed ^ (seed >> 32)) as u32 })
     }

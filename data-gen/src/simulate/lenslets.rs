@@ -4,6 +4,7 @@
 //! `rotation` (positive = clockwise on screen), moved to the sensor's centre plus `offset`, and moved once more by a
 //! normally distributed error of standard deviation `jitter` in x and y. A pixel belongs to the nearest lenslet.
 
+use lenslet_core::geometry::Size;
 use lenslet_core::random::standard_normal_pair;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
@@ -20,7 +21,7 @@ pub struct Lenslets {
     sin: f64,
     pitch: f64,
     row: f64,
-    sensor: (usize, usize),
+    sensor: Size,
     /// First lattice index (column, row) of the table.
     first: [i32; 2],
     /// Table size (columns, rows).
@@ -41,7 +42,7 @@ impl Lenslets {
     /// As [`Camera::check`].
     pub fn new(camera: &Camera, seed: u64) -> Result<Lenslets, Error> {
         camera.check()?;
-        let (w, h) = camera.sensor;
+        let Size { width: w, height: h } = camera.sensor;
         let grid = &camera.lenslets;
         let centre = [(w as f64 - 1.0) / 2.0 + grid.offset[0], (h as f64 - 1.0) / 2.0 + grid.offset[1]];
         let (sin, cos) = grid.rotation.sin_cos();
@@ -74,7 +75,7 @@ impl Lenslets {
                 }
             }
         }
-        Ok(Lenslets { centre, cos, sin, pitch, row, sensor: (w, h), first: low, size, centres, spots })
+        Ok(Lenslets { centre, cos, sin, pitch, row, sensor: Size::new(w, h), first: low, size, centres, spots })
     }
 
     /// The same with lenslets at measured places: each of `centres` (x, y in sensor pixels) becomes the centre of the
@@ -134,7 +135,7 @@ impl Lenslets {
 
     /// Centres (x, y) that lie on the sensor (0..=width−1, 0..=height−1), row by row.
     pub fn centres_on_sensor(&self) -> Vec<[f64; 2]> {
-        let (w, h) = (self.sensor.0 as f64 - 1.0, self.sensor.1 as f64 - 1.0);
+        let (w, h) = (self.sensor.width as f64 - 1.0, self.sensor.height as f64 - 1.0);
         self.centres.iter().copied().filter(|c| (0.0..=w).contains(&c[0]) && (0.0..=h).contains(&c[1])).collect()
     }
 }
@@ -156,7 +157,7 @@ mod tests {
 
     fn camera() -> Camera {
         let lenslets = LensletGrid { pitch: 9.7, rotation: 0.05, jitter: 0.3, ..LensletGrid::default() };
-        Camera { sensor: (200, 160), lenslets, ..Camera::default() }
+        Camera { sensor: Size::new(200, 160), lenslets, ..Camera::default() }
     }
 
     fn still() -> Camera {

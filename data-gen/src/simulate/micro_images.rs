@@ -85,7 +85,7 @@ impl<'a> MicroImages<'a> {
 
     /// Centres of light (x, y) on the sensor (0..=width−1, 0..=height−1), row by row.
     pub fn centres_on_sensor(&self) -> Vec<[f64; 2]> {
-        let (w, h) = (self.camera.sensor.0 as f64 - 1.0, self.camera.sensor.1 as f64 - 1.0);
+        let (w, h) = (self.camera.sensor.width as f64 - 1.0, self.camera.sensor.height as f64 - 1.0);
         let centres = self.lenslets.all_centres().iter().map(|c| self.light_centre(*c));
         centres.filter(|c| (0.0..=w).contains(&c[0]) && (0.0..=h).contains(&c[1])).collect()
     }
@@ -114,12 +114,14 @@ impl<'a> MicroImages<'a> {
 
 #[cfg(test)]
 mod tests {
+    use lenslet_core::geometry::Size;
+
     use super::*;
     use crate::simulate::{Imperfections, LensletGrid};
 
     fn camera(imperfections: Imperfections) -> Camera {
         let lenslets = LensletGrid { rotation: 0.02, jitter: 0.1, ..LensletGrid::default() };
-        Camera { sensor: (400, 300), lenslets, imperfections, ..Camera::default() }
+        Camera { sensor: Size::new(400, 300), lenslets, imperfections, ..Camera::default() }
     }
 
     #[test]

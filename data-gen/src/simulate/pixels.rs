@@ -8,7 +8,7 @@ use super::camera::Camera;
 /// a pixel keeps what neighbours beyond it would have received.
 pub fn disturb_signal(signal: Vec<f32>, camera: &Camera) -> Vec<f32> {
     let (crosstalk, knee) = (camera.imperfections.crosstalk as f32, camera.imperfections.saturation as f32);
-    let mut signal = if crosstalk > 0.0 { mix_neighbours(&signal, camera.sensor.0, crosstalk) } else { signal };
+    let mut signal = if crosstalk > 0.0 { mix_neighbours(&signal, camera.sensor.width, crosstalk) } else { signal };
     if knee < 1.0 {
         signal.par_iter_mut().for_each(|s| *s = bent(*s, knee));
     }
@@ -41,11 +41,13 @@ fn bent(signal: f32, knee: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use lenslet_core::geometry::Size;
+
     use super::*;
     use crate::simulate::Imperfections;
 
     fn camera(imperfections: Imperfections) -> Camera {
-        Camera { sensor: (8, 6), imperfections, ..Camera::default() }
+        Camera { sensor: Size::new(8, 6), imperfections, ..Camera::default() }
     }
 
     #[test]

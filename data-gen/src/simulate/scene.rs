@@ -115,7 +115,7 @@ impl Scene {
             disparity: canvas.disparity,
             regions: regions.collect(),
             pitch: camera.lenslets.pitch,
-            centre: [(camera.sensor.0 as f64 - 1.0) / 2.0, (camera.sensor.1 as f64 - 1.0) / 2.0],
+            centre: [(camera.sensor.width as f64 - 1.0) / 2.0, (camera.sensor.height as f64 - 1.0) / 2.0],
             layers,
             cells,
             across,
@@ -177,12 +177,14 @@ impl Scene {
 
 #[cfg(test)]
 mod tests {
+    use lenslet_core::geometry::Size;
+
     use lenslet_core::progress::Silent;
 
     use super::*;
 
     fn camera() -> Camera {
-        Camera { sensor: (300, 260), ..Camera::default() }
+        Camera { sensor: Size::new(300, 260), ..Camera::default() }
     }
 
     #[test]

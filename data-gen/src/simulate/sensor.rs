@@ -8,6 +8,7 @@
 //!   K²·signal + 9K² (DN).
 
 use lenslet_core::container::RawMosaic;
+use lenslet_core::geometry::Size;
 use lenslet_core::progress::Observer;
 use lenslet_core::random::standard_normal_pair;
 use rand::SeedableRng;
@@ -37,7 +38,7 @@ pub fn light_pattern(images: &MicroImages) -> Vec<f32> {
         return blurred_light(images, camera.optics.psf);
     }
     let levels = SPOT_LEVELS.map(|level| blurred_light(images, level * camera.optics.psf));
-    let w = camera.sensor.0;
+    let w = camera.sensor.width;
     let mut pattern = vec![0f32; levels[0].len()];
     pattern.par_chunks_mut(w).enumerate().for_each(|(y, line)| {
         for (x, value) in line.iter_mut().enumerate() {
@@ -84,7 +85,7 @@ fn full_light(camera: &Camera) -> f64 {
 /// The pattern under an optical blur of `sigma` pixels.
 fn blurred_light(images: &MicroImages, sigma: f64) -> Vec<f32> {
     let camera = images.camera();
-    let (w, h) = camera.sensor;
+    let Size { width: w, height: h } = camera.sensor;
     let reach = (4.0 * sigma).ceil() as usize;
     let kernel = gaussian(sigma, reach);
     let scale = (1.0 / full_light(camera).max(1e-6)) as f32;
@@ -134,7 +135,7 @@ pub fn expose_scene(
     observer: &dyn Observer,
 ) -> Result<Vec<f32>, Error> {
     let camera = images.camera();
-    let (w, h) = camera.sensor;
+    let Size { width: w, height: h } = camera.sensor;
     let responses = camera.response.filter_responses();
     // Three-point Gauss–Hermite rule of the pixel's and the blur's variance together.
     let rule = |psf: f64| {
@@ -175,7 +176,7 @@ pub fn expose_scene(
 
 /// Share of full scale behind every pixel of a white image.
 pub fn expose_white(camera: &Camera, pattern: &[f32]) -> Vec<f32> {
-    let w = camera.sensor.0;
+    let w = camera.sensor.width;
     let mut signal = pattern.to_vec();
     signal.par_chunks_mut(w).enumerate().for_each(|(y, line)| {
         for (x, value) in line.iter_mut().enumerate() {
@@ -189,7 +190,7 @@ pub fn expose_white(camera: &Camera, pattern: &[f32]) -> Vec<f32> {
 /// read noise of a sensor that saturates at 4095 DN, less in proportion for others). The noise depends on `seed`,
 /// `frame` and the row only, not on threads.
 pub fn record_mosaic(signal: &[f32], camera: &Camera, noise: f64, seed: u64, frame: u32) -> RawMosaic {
-    let (w, h) = camera.sensor;
+    let Size { width: w, height: h } = camera.sensor;
     let [black, white] = camera.response.levels.map(f64::from);
     // One of the 4095 steps of a 12-bit sensor, in digital numbers of this one.
     let unit = (white - black) / (4095.0 - 168.0);
@@ -218,7 +219,7 @@ mod tests {
 
     fn camera() -> Camera {
         let lenslets = LensletGrid { rotation: 0.03, jitter: 0.2, ..LensletGrid::default() };
-        Camera { sensor: (160, 120), lenslets, ..Camera::default() }
+        Camera { sensor: Size::new(160, 120), lenslets, ..Camera::default() }
     }
 
     /// Mean of `of` over a pixel and its optical blur, by brute force.
@@ -296,7 +297,7 @@ mod tests {
     fn a_lenslet_with_a_wider_spot_has_a_flatter_micro_image() {
         let still = LensletGrid { jitter: 0.0, ..LensletGrid::default() };
         let imperfections = Imperfections { focal_spot: 0.3, ..Imperfections::default() };
-        let camera = Camera { sensor: (240, 240), lenslets: still, imperfections, ..Camera::default() };
+        let camera = Camera { sensor: Size::new(240, 240), lenslets: still, imperfections, ..Camera::default() };
         let ideal = Camera { imperfections: Imperfections::default(), ..camera.clone() };
         let lenslets = Lenslets::new(&camera, 1).unwrap();
         let (varied, plain) = (white_pattern(&camera, &lenslets), white_pattern(&ideal, &lenslets));
@@ -325,7 +326,7 @@ mod tests {
 
     #[test]
     fn noise_has_the_strength_asked_for_and_black_and_white_hold() {
-        let camera = Camera { sensor: (200, 200), ..Camera::default() };
+        let camera = Camera { sensor: Size::new(200, 200), ..Camera::default() };
         let signal = vec![0.25f32; 200 * 200];
         let still = record_mosaic(&signal, &camera, 0.0, 1, 0);
         assert!(still.data.iter().all(|v| *v == (168.0f32 + 0.25 * 3927.0).round() as u16));
@@ -339,7 +340,7 @@ mod tests {
         assert_ne!(noisy, record_mosaic(&signal, &camera, 0.7, 1, 1));
         let tiny = |levels| {
             let response = SensorResponse { levels, ..SensorResponse::default() };
-            Camera { sensor: (2, 2), response, ..Camera::default() }
+            Camera { sensor: Size::new(2, 2), response, ..Camera::default() }
         };
         assert!(record_mosaic(&[2.0; 4], &tiny([168, 4095]), 0.0, 1, 0).data.iter().all(|v| *v == 4095));
         assert!(record_mosaic(&[2.0; 4], &tiny([64, 1023]), 0.0, 1, 0).data.iter().all(|v| *v == 1023));

@@ -1,16 +1,17 @@
 //! The truth: views of the scene through an ideal camera, and the disparity of the central one.
 
+use lenslet_core::geometry::Size;
 use ndarray::{Array2, Array3};
 use rayon::prelude::*;
 
 use super::camera::Camera;
 use super::scene::Scene;
 
-/// (width, height) of views whose longer side is `size`, square scene pixels.
-pub fn output_size(camera: &Camera, size: usize) -> (usize, usize) {
-    let (w, h) = (camera.sensor.0 as f64, camera.sensor.1 as f64);
+/// The size of views whose longer side is `size`, square scene pixels.
+pub fn output_size(camera: &Camera, size: usize) -> Size {
+    let (w, h) = (camera.sensor.width as f64, camera.sensor.height as f64);
     let scale = size as f64 / w.max(h);
-    (((w * scale).round() as usize).max(1), ((h * scale).round() as usize).max(1))
+    Size::new(((w * scale).round() as usize).max(1), ((h * scale).round() as usize).max(1))
 }
 
 /// Offset (x, y) in sensor pixels of the view in row and column `[v, u]` (counted from 0) of `n`×`n`.
@@ -26,9 +27,9 @@ pub fn view_offset(view: [usize; 2], n: usize, view_step: f64) -> [f64; 2] {
 /// The mean over a square is 2/3 of its middle and 1/12 of each corner: exact for polynomials up to the third degree,
 /// and corners serve four squares. A pixel is cut into squares of at most 0.4 pitches, over which the low-passed scene
 /// is smooth.
-pub fn true_view(scene: &Scene, camera: &Camera, delta: [f64; 2], size: (usize, usize)) -> Array3<f32> {
-    let (w, h) = size;
-    let step = [camera.sensor.0 as f64 / w as f64, camera.sensor.1 as f64 / h as f64];
+pub fn true_view(scene: &Scene, camera: &Camera, delta: [f64; 2], size: Size) -> Array3<f32> {
+    let Size { width: w, height: h } = size;
+    let step = [camera.sensor.width as f64 / w as f64, camera.sensor.height as f64 / h as f64];
     let m = (step[0].max(step[1]) / (0.4 * camera.lenslets.pitch)).ceil().clamp(1.0, 64.0) as usize;
     let cell = [step[0] / m as f64, step[1] / m as f64];
     let share = 1.0 / (m * m) as f32;
@@ -78,9 +79,9 @@ fn lens_position(camera: &Camera) -> impl Fn([f64; 2]) -> [f64; 2] + Sync {
 const BAND: usize = 16;
 
 /// Disparity of the central view, shape (t, s), output pixels per view step.
-pub fn true_disparity(scene: &Scene, camera: &Camera, view_step: f64, size: (usize, usize)) -> Array2<f32> {
-    let (w, h) = size;
-    let step = [camera.sensor.0 as f64 / w as f64, camera.sensor.1 as f64 / h as f64];
+pub fn true_disparity(scene: &Scene, camera: &Camera, view_step: f64, size: Size) -> Array2<f32> {
+    let Size { width: w, height: h } = size;
+    let step = [camera.sensor.width as f64 / w as f64, camera.sensor.height as f64 / h as f64];
     let lens = lens_position(camera);
     let scale = camera.pupil_scale(camera.imperfections.pupil_shift);
     let mut values = vec![0f32; w * h];
@@ -102,15 +103,15 @@ mod tests {
 
     #[test]
     fn a_view_is_the_mean_over_its_pixels() {
-        let camera = Camera { sensor: (240, 200), ..Camera::default() };
+        let camera = Camera { sensor: Size::new(240, 200), ..Camera::default() };
         let scene = Scene::named(SceneName::Planes, &camera, Some(0.3), 2, &Silent).unwrap();
         for (size, delta) in [(79, [0.0, 0.0]), (79, [-3.0, 2.0]), (24, [1.0, 1.0])] {
             let size = output_size(&camera, size);
             let fast = true_view(&scene, &camera, delta, size);
-            let (sx, sy) = (240.0 / size.0 as f64, 200.0 / size.1 as f64);
+            let (sx, sy) = (240.0 / size.width as f64, 200.0 / size.height as f64);
             let mut worst = 0f32;
-            for t in (0..size.1).step_by(5) {
-                for s in (0..size.0).step_by(3) {
+            for t in (0..size.height).step_by(5) {
+                for s in (0..size.width).step_by(3) {
                     let mut plain = [0f64; 3];
                     for k in 0..400 {
                         let (i, j) = (f64::from(k % 20) + 0.5, f64::from(k / 20) + 0.5);
@@ -128,8 +129,8 @@ mod tests {
     #[test]
     fn views_shift_by_the_disparity() {
         // A plane at one disparity: view u at s + D·u shows what the central view shows at s. D is made a whole number.
-        let camera = Camera { sensor: (400, 400), ..Camera::default() };
-        let size = (200, 200);
+        let camera = Camera { sensor: Size::new(400, 400), ..Camera::default() };
+        let size = Size::new(200, 200);
         let scene = Scene::named(SceneName::Flat, &camera, Some(2.0 / camera.lenslets.pitch), 2, &Silent).unwrap();
         let map = true_disparity(&scene, &camera, 1.0, size);
         assert!(map.iter().all(|d| (d - 1.0).abs() < 1e-5));

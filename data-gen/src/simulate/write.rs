@@ -71,7 +71,7 @@ pub fn write_simulation(
     write_part(&path, &text).map_err(|e| Error::Write { path, reason: e.to_string() })?;
 
     let n = truth.views;
-    let mut meta = Meta::new([n, n], [size.1, size.0], 3, ColourSpace::Srgb);
+    let mut meta = Meta::new([n, n], [size.height, size.width], 3, ColourSpace::Srgb);
     meta.method = Some(ViewOrigin::Truth);
     meta.provenance.push(json!({
         "tool": "lenslet simulate", "version": env!("CARGO_PKG_VERSION"), "scene": scene.name, "seed": options.seed,

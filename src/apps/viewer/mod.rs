@@ -2,6 +2,7 @@
 //! WebGL2, in a plain canvas where there is none.
 
 use lenslet_core::ensure;
+use lenslet_core::geometry::Size;
 use lenslet_views::disparity::DepthOrder;
 use ndarray::{Array2, ArrayView5, Axis, s};
 use rayon::prelude::*;
@@ -93,7 +94,8 @@ pub fn viewer_page(content: &ViewerContent, quality: u8, max_bytes: usize) -> Re
             set.name
         );
     }
-    let reliefs = content.sets.iter().map(|set| relief(set, (height, width))).collect::<Result<Vec<_>, Error>>()?;
+    let reliefs =
+        content.sets.iter().map(|set| relief(set, Size::new(width, height))).collect::<Result<Vec<_>, Error>>()?;
 
     let mut quality = quality.clamp(1, 100);
     loop {
@@ -128,9 +130,13 @@ pub fn viewer_page(content: &ViewerContent, quality: u8, max_bytes: usize) -> Re
 }
 
 /// The disparity of a set as the page reads it.
-fn relief(set: &ViewSet, size: (usize, usize)) -> Result<Value, Error> {
+fn relief(set: &ViewSet, size: Size) -> Result<Value, Error> {
     let name = &set.name;
-    ensure!(Error::Shape, set.disparity.dim() == size, "the disparity of {name} has another size than its pictures");
+    ensure!(
+        Error::Shape,
+        set.disparity.dim() == (size.height, size.width),
+        "the disparity of {name} has another size than its pictures"
+    );
     let low = set.disparity.iter().copied().fold(f32::INFINITY, f32::min);
     let high = set.disparity.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     ensure!(

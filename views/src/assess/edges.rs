@@ -5,6 +5,7 @@
 //! the profile gathered about it (ISO 12233). Roughness alone rewards blur, MTF50 alone noise and ringing: never either
 //! alone.
 
+use lenslet_core::geometry::Size;
 use lenslet_core::image::Plane;
 use ndarray::ArrayView3;
 use rayon::prelude::*;
@@ -163,7 +164,7 @@ impl Edges {
 /// Modulus and direction of the slope.
 fn slope_of(plane: &Plane) -> Strength {
     let (w, h) = (plane.width, plane.height);
-    let mut strength = Plane::filled(w, h, 0.0);
+    let mut strength = Plane::filled(Size::new(w, h), 0.0);
     let mut across = vec![[0f32; 2]; w * h];
     for t in 1..h.saturating_sub(1) {
         for s in 1..w.saturating_sub(1) {
@@ -330,6 +331,6 @@ mod tests {
         let (sharper, _) = clean.over(&blurred).unwrap();
         let (_, rougher) = jagged.over(&clean).unwrap();
         assert!(sharper.is_above_zero(2.0) && rougher.is_above_zero(2.0));
-        assert_eq!(Edges::find_on(&Plane::filled(100, 100, 0.3)).count(), 0);
+        assert_eq!(Edges::find_on(&Plane::filled(Size::new(100, 100), 0.3)).count(), 0);
     }
 }

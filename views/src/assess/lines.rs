@@ -5,6 +5,7 @@
 //! the full width at half the maximum of the profile gathered about that line; ripple the RMS of the light along it at
 //! wavelengths of about 2.5 to 12 pixels, as a share of its contrast.
 
+use lenslet_core::geometry::Size;
 use lenslet_core::image::Plane;
 use ndarray::ArrayView3;
 use rayon::prelude::*;
@@ -193,7 +194,7 @@ fn neutral_light(rays: &Rays) -> Plane {
 /// Strength of bright ridges: minus the curvature across, where it curves more across than along.
 fn ridges_of(plane: &Plane) -> Strength {
     let (w, h) = (plane.width, plane.height);
-    let mut strength = Plane::filled(w, h, 0.0);
+    let mut strength = Plane::filled(Size::new(w, h), 0.0);
     let mut across = vec![[0f32; 2]; w * h];
     for t in 1..h.saturating_sub(1) {
         for s in 1..w.saturating_sub(1) {
@@ -348,7 +349,7 @@ mod tests {
             let [rougher, ..] = jagged.over(&clean).unwrap();
             assert!((rougher.mean - 0.28).abs() < 0.06 && rougher.is_above_zero(2.0), "{rougher:?}");
         }
-        assert_eq!(Lines::find_on(&Plane::filled(100, 100, 0.3)).count(), 0);
+        assert_eq!(Lines::find_on(&Plane::filled(Size::new(100, 100), 0.3)).count(), 0);
     }
 
     #[test]

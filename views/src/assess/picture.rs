@@ -1,6 +1,7 @@
 //! Luminance of pictures, reads between its pixels, smoothing.
 
 use lenslet_core::colour::{LUMINANCE_OF_LINEAR, srgb_encode};
+use lenslet_core::geometry::Size;
 use lenslet_core::image::{GaussianFilter, Plane, catmull_rom_weights};
 use ndarray::{ArrayView1, ArrayView3};
 
@@ -51,7 +52,7 @@ pub(super) fn read_between(plane: &Plane, x: f64, y: f64) -> f32 {
 /// Gaussian smoothing with standard deviation `sigma` pixels; pixels at the border repeat.
 pub(super) fn gaussian(plane: &Plane, sigma: f64) -> Plane {
     let mut smooth = plane.clone();
-    filter_of(sigma).smooth(&mut smooth.data, plane.width, plane.height);
+    filter_of(sigma).smooth(&mut smooth.data, Size::new(plane.width, plane.height));
     smooth
 }
 

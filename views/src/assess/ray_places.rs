@@ -130,7 +130,7 @@ pub(super) fn view_steps(samples: &HexSamples, k: usize) -> [f64; 2] {
 
 /// Where samples lie in their own view, pixels of views of `size`.
 pub(super) fn sample_points(samples: &HexSamples, size: &Size) -> Vec<[f64; 2]> {
-    SensorToView::new(samples.sensor, (size.width, size.height)).all_to_view(&samples.centres)
+    SensorToView::new(samples.sensor, *size).all_to_view(&samples.centres)
 }
 
 #[cfg(test)]

@@ -218,8 +218,8 @@ impl Rays {
         let cells = |n: usize| (n as f64 / side).ceil() as usize;
         let (w, h) = (cells(self.size.width), cells(self.size.height));
         let cell = |r: &Ray| (f64::from(r.y) / side) as usize * w + (f64::from(r.x) / side) as usize;
-        let mut sums = Plane::filled(w, h, 0.0);
-        let mut counts = Plane::filled(w, h, 0.0);
+        let mut sums = Plane::filled(Size::new(w, h), 0.0);
+        let mut counts = Plane::filled(Size::new(w, h), 0.0);
         for (r, v) in rays.iter().zip(values) {
             sums.data[cell(r)] += *v as f32;
             counts.data[cell(r)] += 1.0;
@@ -319,7 +319,7 @@ pub(super) mod tests {
             scene(at, y - d(at) * v)
         });
         HexSamples {
-            sensor: (300, 300),
+            sensor: Size::new(300, 300),
             index: points.index,
             centres,
             views,

@@ -1,5 +1,6 @@
 //! The middle view's disparity carried to other views: surfaces move by their disparity, the nearest in front.
 
+use lenslet_core::geometry::Size;
 use ndarray::Array2;
 
 use super::depth_order::DepthOrder;
@@ -21,7 +22,7 @@ pub fn carry_plane_to_view(central: &Plane, scale: [f32; 2], step: [f32; 2], ord
         return central.clone();
     }
     let (w, h) = (central.width, central.height);
-    let mut out = Plane::filled(w, h, f32::NAN);
+    let mut out = Plane::filled(Size::new(w, h), f32::NAN);
     for t in 0..h {
         for s in 0..w {
             let d = central.data[t * w + s];

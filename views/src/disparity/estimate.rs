@@ -182,6 +182,7 @@ pub fn estimate_planes(
 mod tests {
     use super::*;
     use crate::disparity::tensor;
+    use lenslet_core::geometry::Size;
 
     /// A smooth texture that is not periodic within the frame.
     pub(super) fn texture(x: f32, y: f32) -> f32 {
@@ -271,7 +272,7 @@ mod tests {
 
     #[test]
     fn no_texture_no_confidence() {
-        let grid = vec![vec![Plane::filled(40, 40, 0.5); 3]; 3];
+        let grid = vec![vec![Plane::filled(Size::new(40, 40), 0.5); 3]; 3];
         let found = estimate_planes(grid, &Options::default(), &lenslet_core::progress::Silent).unwrap();
         assert!(found.confidence.iter().all(|&c| c < 0.01));
         assert!(found.disparity.iter().all(|d| d.is_finite()));
@@ -280,16 +281,18 @@ mod tests {
     #[test]
     fn unusable_light_fields_and_options_are_refused() {
         let silent = lenslet_core::progress::Silent;
-        let grid = || vec![vec![Plane::filled(20, 20, 0.5); 2]; 2];
+        let grid = || vec![vec![Plane::filled(Size::new(20, 20), 0.5); 2]; 2];
         let refused = |o: Options| estimate_planes(grid(), &o, &silent).is_err();
         assert!(refused(Options { range: Some((1.0, -1.0)), ..Options::default() }));
         assert!(refused(Options { range: Some((f32::NAN, 1.0)), ..Options::default() }));
         assert!(refused(Options { step: 0.0, ..Options::default() }));
         assert!(refused(Options { reference: Some((2, 0)), ..Options::default() }));
-        assert!(estimate_planes(vec![vec![Plane::filled(20, 20, 0.5)]], &Options::default(), &silent).is_err());
-        let ragged = vec![vec![Plane::filled(20, 20, 0.5), Plane::filled(21, 20, 0.5)]];
+        assert!(
+            estimate_planes(vec![vec![Plane::filled(Size::new(20, 20), 0.5)]], &Options::default(), &silent).is_err()
+        );
+        let ragged = vec![vec![Plane::filled(Size::new(20, 20), 0.5), Plane::filled(Size::new(21, 20), 0.5)]];
         assert!(estimate_planes(ragged, &Options::default(), &silent).is_err());
-        let tiny = vec![vec![Plane::filled(1, 1, 0.5); 2]];
+        let tiny = vec![vec![Plane::filled(Size::new(1, 1), 0.5); 2]];
         assert!(estimate_planes(tiny, &Options::default(), &silent).is_ok());
     }
 }

@@ -1,6 +1,7 @@
 //! Structure tensor of the epipolar images (paper 4.3, after Wanner and Goldluecke): in an EPI a scene point draws a
 //! line L(s, u) = f(s − D·u), so the eigenvector of least change of [[Σ L_s², Σ L_s·L_u], [·, Σ L_u²]] has slope D.
 
+use lenslet_core::geometry::Size;
 use lenslet_core::image::{Plane, box_mean};
 
 use super::planes::shifted_row;
@@ -80,8 +81,8 @@ pub fn slopes(
     let mut mean = Vec::new();
     for j in [&mut jss, &mut jsu, &mut juu] {
         // Two boxes in a row: close to a Gaussian window.
-        box_mean(j, w, h, radius, &mut mean);
-        box_mean(&mean, w, h, radius, j);
+        box_mean(j, Size::new(w, h), radius, &mut mean);
+        box_mean(&mean, Size::new(w, h), radius, j);
     }
     let mut out = Slopes { disparity: vec![], coherence: vec![], energy: vec![] };
     for k in 0..w * h {

@@ -1,5 +1,6 @@
 //! Matching costs of all hypotheses at every pixel, gathered along edges.
 
+use lenslet_core::geometry::Size;
 use lenslet_core::image::{BoxMeans, GuidedFilter, Plane};
 use lenslet_core::progress::Observer;
 use rayon::prelude::*;
@@ -45,8 +46,13 @@ pub(super) fn cost_volume(
     let reference = &grid[at.0][at.1];
     let views = placed(grid, at, options);
     let robust = sweep::Robust { truncation: options.truncation, half_penalty: 0.5 };
-    let guide =
-        GuidedFilter::new(&reference.data, reference.width, reference.height, radius, 1e-4, BoxMeans::OneThread);
+    let guide = GuidedFilter::new(
+        &reference.data,
+        Size::new(reference.width, reference.height),
+        radius,
+        1e-4,
+        BoxMeans::OneThread,
+    );
     let planes = hypotheses
         .par_iter()
         .map(|&d| {

@@ -18,7 +18,7 @@ impl Barycentric {
     /// # Errors
     /// Centres that cannot be triangulated, a size out of range.
     pub fn prepare(samples: &HexSamples, target: &Size) -> Result<Self, Error> {
-        Ok(Barycentric(Weights::new(&samples.centres, samples.sensor, (target.width, target.height))?))
+        Ok(Barycentric(Weights::new(&samples.centres, samples.sensor, *target)?))
     }
 }
 

@@ -23,7 +23,7 @@ impl Bicubic {
     /// Centres that cannot be triangulated.
     pub fn prepare(samples: &HexSamples, target: &Size) -> Result<Self, Error> {
         let low = native_size(samples);
-        let low = Weights::new(&samples.centres, samples.sensor, (low.width, low.height))?;
+        let low = Weights::new(&samples.centres, samples.sensor, low)?;
         Ok(Bicubic { low, target: *target })
     }
 }
@@ -31,7 +31,7 @@ impl Bicubic {
 impl ViewInterpolator for Bicubic {
     fn interpolate_view(&self, values: ArrayView2<'_, f32>) -> Result<Array3<f32>, Error> {
         let low = self.low.apply(values)?;
-        Ok(bicubic::resize_bicubic(low.view(), self.target.width, self.target.height)?)
+        Ok(bicubic::resize_bicubic(low.view(), self.target)?)
     }
 }
 
@@ -43,7 +43,7 @@ mod tests {
     fn samples(value: impl Fn(usize, usize) -> f32) -> HexSamples {
         let place = |k: usize| (k as f64 + 0.5) * 100.0 / 7.0 - 0.5;
         HexSamples {
-            sensor: (100, 100),
+            sensor: Size::new(100, 100),
             index: (0..49).map(|k| [k % 7, k / 7]).collect(),
             centres: (0..49).map(|k| [place(k % 7), place(k / 7)]).collect(),
             views: 1,

@@ -18,7 +18,7 @@ impl Cubic {
     /// # Errors
     /// Centres that cannot be triangulated, a size out of range.
     pub fn prepare(samples: &HexSamples, target: &Size) -> Result<Self, Error> {
-        Ok(Cubic(sampling::Cubic::new(&samples.centres, samples.sensor, (target.width, target.height))?))
+        Ok(Cubic(sampling::Cubic::new(&samples.centres, samples.sensor, *target)?))
     }
 }
 

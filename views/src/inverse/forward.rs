@@ -1,6 +1,7 @@
 //! Where samples lie in the picture that is solved for, and what the picture gives there: B(x)·J.
 
 use super::basis::{Basis, slopes, weights};
+use lenslet_core::geometry::Size;
 
 /// The pixels that are solved for: a view and `margin` pixels around it, which footprints at its border reach.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,7 +19,8 @@ pub struct Grid {
 impl Grid {
     /// The grid of a view of `width`×`height` pixels.
     #[must_use]
-    pub fn around(width: usize, height: usize, margin: usize, basis: Basis) -> Self {
+    pub fn around(size: Size, margin: usize, basis: Basis) -> Self {
+        let Size { width, height } = size;
         Grid { width: width + 2 * margin, height: height + 2 * margin, margin, basis }
     }
 

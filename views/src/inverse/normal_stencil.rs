@@ -125,9 +125,10 @@ fn add_products(out: &mut [f32], a: &[f32], b: &[f32]) {
 mod tests {
     use super::super::forward::interleaved;
     use super::*;
+    use lenslet_core::geometry::Size;
 
     fn the_stencil_is_the_product_of_its_rows<const N: usize>(basis: Basis) {
-        let grid = Grid::around(9, 7, 4, basis);
+        let grid = Grid::around(Size::new(9, 7), 4, basis);
         let rows: Vec<Row> = (0..60)
             .filter_map(|k| {
                 let (x, y) = ((k * 37 % 89) as f32 / 10.0, (k * 53 % 67) as f32 / 10.0);

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use lenslet_core::colour::{LUMINANCE_OF_LINEAR, srgb_encode};
+use lenslet_core::geometry::Size;
 use lenslet_core::image::box_mean;
 
 use super::basis::Basis;
@@ -294,7 +295,7 @@ pub fn mean_contrast(planes: &[Vec<f32>], width: usize, linear: bool) -> Vec<f32
         }
     }
     let mut mean = Vec::new();
-    box_mean(&contrast, w, h, CONTRAST_RADIUS, &mut mean);
+    box_mean(&contrast, Size::new(w, h), CONTRAST_RADIUS, &mut mean);
     mean
 }
 

@@ -5,6 +5,7 @@
 //! smaller than the residual of single-view interpolation at theirs. Where they are misplaced (a wrong disparity,
 //! something in front), it is as large.
 
+use lenslet_core::geometry::Size;
 use lenslet_core::image::{Cell, bilinear_by_differences};
 use lenslet_core::noise::NoiseCurve;
 
@@ -87,7 +88,7 @@ impl OtherViewsWeight {
     #[inline]
     pub(super) fn at(&self, x: usize, y: usize) -> f32 {
         let among_cells = |x: usize| (x as f32 + 0.5) / CELL as f32 - 0.5;
-        let cell = Cell::clamped(among_cells(x), among_cells(y), self.columns, self.rows);
+        let cell = Cell::clamped(among_cells(x), among_cells(y), Size::new(self.columns, self.rows));
         bilinear_by_differences(cell.corners(|x, y| self.values[y * self.columns + x]), cell.fx, cell.fy)
     }
 }

@@ -2,6 +2,7 @@
 //! nearest surface in front, gaps filled with what lies behind.
 
 use lenslet_core::ensure;
+use lenslet_core::geometry::Size;
 use lenslet_core::progress::Observer;
 use ndarray::Array2;
 use rayon::prelude::*;
@@ -129,7 +130,7 @@ fn corners_of((rows, columns): (usize, usize)) -> [Vec<(usize, usize)>; 4] {
 pub fn depth_order_of(data: &ndarray::ArrayView5<f32>, disparity: &Array2<f32>) -> Result<DepthOrder, Error> {
     let (rows, columns, ..) = data.dim();
     let (height, width) = disparity.dim();
-    let mut grid = vec![vec![Plane::filled(1, 1, 0.0); columns]; rows];
+    let mut grid = vec![vec![Plane::filled(Size::new(1, 1), 0.0); columns]; rows];
     let light = ViewLight::of(data, true, None);
     let middle = (rows / 2, columns / 2);
     for (v, u) in corners_of((rows, columns)).into_iter().flatten().chain([middle]) {

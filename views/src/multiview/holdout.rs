@@ -69,13 +69,13 @@ pub fn hidden_score<E: From<Error>>(
         "the rendered view has another size: {:?}",
         image.dim()
     );
-    let map = SensorToView::new(samples.sensor, (target.width, target.height));
+    let map = SensorToView::new(samples.sensor, *target);
     let margin = 2.0 * mean_pitch(samples);
     let (mut sum, mut count) = (0f64, 0usize);
     let mut found = vec![0f32; channels];
     for (k, c) in samples.centres.iter().enumerate().filter(|(k, _)| hidden[*k]) {
         let inside = |x: f64, size: usize| x > margin && x < size as f64 - 1.0 - margin;
-        if !(inside(c[0], samples.sensor.0) && inside(c[1], samples.sensor.1)) {
+        if !(inside(c[0], samples.sensor.width) && inside(c[1], samples.sensor.height)) {
             continue;
         }
         let [x, y] = map.to_view(*c);

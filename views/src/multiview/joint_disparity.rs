@@ -1,6 +1,7 @@
 //! Disparity refined on what the picture leaves: with I the joint fit and J = k ∗ I, minimises Σ w (y − J(p − D·u))² over
 //! D around each pixel, by one Gauss–Newton step a round between two fits.
 
+use lenslet_core::geometry::Size;
 use lenslet_core::image::{GaussianFilter, Plane};
 
 use crate::inverse::{Problem, Solution};
@@ -61,8 +62,8 @@ impl Corrections {
         let (w, h) = (self.width, self.height);
         // The sum over a window is its area times this mean.
         let window = GaussianFilter::new(WINDOW, 2.5);
-        window.smooth(&mut self.normal, w, h);
-        window.smooth(&mut self.right, w, h);
+        window.smooth(&mut self.normal, Size::new(w, h));
+        window.smooth(&mut self.right, Size::new(w, h));
         // Damping: the texture at which noise alone moves the disparity by a tenth of a pixel at the outermost view.
         let least = (residual * reach / 0.1).powi(2) * 0.05;
         let limit = STEP / reach.max(1.0);

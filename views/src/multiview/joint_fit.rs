@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use lenslet_core::colour::LUMINANCE_OF_LINEAR;
+use lenslet_core::geometry::Size;
 use lenslet_core::progress::Observer;
 use ndarray::Array3;
 
@@ -182,7 +183,7 @@ impl JointFit {
         if w < 2 || h < 2 {
             return Ok(alone);
         }
-        let grid = Grid::around(w, h, self.kernel.radius() + 3, self.basis);
+        let grid = Grid::around(Size::new(w, h), self.kernel.radius() + 3, self.basis);
         let mut placed = self.place(set, disparities, at, &grid);
         let mut planes = extended(&alone, &grid);
         let contrast = mean_contrast(&planes, grid.width, !self.slopes.is_empty());
@@ -219,7 +220,7 @@ impl JointFit {
         if w < 8 || h < 8 || views.0 * views.1 < 2 {
             return Ok(());
         }
-        let grid = Grid::around(w, h, self.kernel.radius() + 3, self.basis);
+        let grid = Grid::around(Size::new(w, h), self.kernel.radius() + 3, self.basis);
         let offsets: Vec<[f32; 2]> = (0..views.0 * views.1).map(|k| steps_between(views, k, target)).collect();
         let reach = offsets.iter().fold(1f32, |m, o| m.max(o[0].abs()).max(o[1].abs()));
         let n = set.points.len();

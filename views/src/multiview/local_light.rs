@@ -2,6 +2,7 @@
 //! picture leaves of a view's samples is averaged over cells of the target view; where that differs from what it leaves of
 //! the target's own samples, the difference is taken out of the view's values, so that all speak of the target's light.
 
+use lenslet_core::geometry::Size;
 use lenslet_core::image::{Cell, bilinear_by_differences};
 
 use super::view_models::ViewRows;
@@ -90,7 +91,7 @@ impl Light {
     #[inline]
     fn cell(&self, k: usize, width: usize) -> Cell<f32> {
         let place = |pixel: usize| (pixel as f32 + 0.5) / self.side - 0.5;
-        Cell::clamped(place(k % width), place(k / width), self.width, self.height)
+        Cell::clamped(place(k % width), place(k / width), Size::new(self.width, self.height))
     }
 
     #[inline]
@@ -133,7 +134,7 @@ mod tests {
         let basis = Basis::Quadratic;
         let footprint = SampleFootprint::Box { width: 2.0, height: 2.0 };
         let kernel = Kernel::of_footprint(&footprint, basis);
-        let grid = Grid::around(side, side, kernel.radius() + 3, basis);
+        let grid = Grid::around(Size::new(side, side), kernel.radius() + 3, basis);
         let (n, views) = (side / 2, 5usize);
         let scene = |x: f32, y: f32| 0.5 + 0.2 * (0.4 * x).sin() * (0.3 * y).cos();
         // Shine on one side of the last view, a few usual residuals.

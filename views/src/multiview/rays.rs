@@ -1,5 +1,6 @@
 //! Where the samples of all views lie in one view, by the disparity of their surfaces, and the weight of each there.
 
+use lenslet_core::geometry::Size;
 use lenslet_core::image::bilinear_shares;
 
 use super::sample_set::SampleSet;
@@ -63,17 +64,12 @@ pub(super) const OWN: f32 = 2.0;
 const TOLERANCE: f32 = 0.6;
 
 /// The samples of the view itself.
-pub(super) fn own_samples(
-    set: &SampleSet,
-    disparities: &ViewDisparities,
-    at: (usize, usize),
-    size: (usize, usize),
-) -> Vec<Ray> {
+pub(super) fn own_samples(set: &SampleSet, disparities: &ViewDisparities, at: (usize, usize), size: Size) -> Vec<Ray> {
     let first = (at.0 * disparities.columns + at.1) * set.points.len();
-    let (right, bottom) = ((size.0 - 1) as f32, (size.1 - 1) as f32);
+    let (right, bottom) = ((size.width - 1) as f32, (size.height - 1) as f32);
     let inside = |p: &[f32; 2]| p[0] >= 0.0 && p[1] >= 0.0 && p[0] < right && p[1] < bottom;
     let points = set.points.iter().enumerate().filter(|(_, p)| inside(p));
-    points.map(|(i, p)| Ray::new(p[0], p[1], size.0, OWN, first + i)).collect()
+    points.map(|(i, p)| Ray::new(p[0], p[1], size.width, OWN, first + i)).collect()
 }
 
 /// Where every sample of every other view lies in the target view; samples hidden there are left out.
@@ -81,13 +77,13 @@ pub(super) fn other_samples(
     set: &SampleSet,
     disparities: &ViewDisparities,
     at: (usize, usize),
-    size: (usize, usize),
+    size: Size,
 ) -> Vec<Ray> {
     let views = set.views();
     let target_view = at.0 * views.1 + at.1;
     let n = set.points.len();
     let mut rays = Vec::with_capacity(n * (views.0 * views.1).saturating_sub(1));
-    let (right, bottom) = ((size.0 - 1) as f32, (size.1 - 1) as f32);
+    let (right, bottom) = ((size.width - 1) as f32, (size.height - 1) as f32);
     for k in (0..views.0 * views.1).filter(|&k| k != target_view && !set.is_dark(k)) {
         carry_samples(set, disparities, k, target_view, |carried| {
             let (x, y) = carried.place;
@@ -97,7 +93,7 @@ pub(super) fn other_samples(
             }
             let weight = carried.weight_at(disparities, target_view, carried.place);
             if weight >= LEAST_WEIGHT {
-                rays.push(Ray::new(x, y, size.0, weight, carried.sample));
+                rays.push(Ray::new(x, y, size.width, weight, carried.sample));
             }
         });
     }
@@ -155,11 +151,11 @@ pub(super) fn for_each_ray(
     set: &SampleSet,
     disparities: &ViewDisparities,
     at: (usize, usize),
-    size: (usize, usize),
+    size: Size,
     mut each: impl FnMut(f32, f32, f32, &[f32]),
 ) {
     for ray in own_samples(set, disparities, at, size).into_iter().chain(other_samples(set, disparities, at, size)) {
-        let (x, y) = (ray.cell as usize % size.0, ray.cell as usize / size.0);
+        let (x, y) = (ray.cell as usize % size.width, ray.cell as usize / size.width);
         let value = &set.lanes[ray.sample as usize][..set.channels()];
         each(x as f32 + ray.fx, y as f32 + ray.fy, ray.weight, value);
     }

@@ -73,9 +73,8 @@ impl<'a> SampleSet<'a> {
             views == samples.views * samples.views && count == n,
             "the samples contradict each other: {views} views of {count} values at {n} places"
         );
-        let single_view =
-            SingleView::Mesh(Cubic::new(&samples.centres, samples.sensor, (target.width, target.height))?);
-        let map = SensorToView::new(samples.sensor, (target.width, target.height));
+        let single_view = SingleView::Mesh(Cubic::new(&samples.centres, samples.sensor, *target)?);
+        let map = SensorToView::new(samples.sensor, *target);
         let points = samples.centres.iter().map(|&c| map.to_view(c).map(|p| p as f32)).collect();
         let pitch = (mean_pitch(samples) * map.scale()[0]) as f32;
         Self::checked(
@@ -233,7 +232,7 @@ impl<'a> SampleSet<'a> {
                 if (*width, *height) == (self.target.width, self.target.height) {
                     return Ok(image.to_owned());
                 }
-                Ok(bicubic::resize_bicubic(image.view(), self.target.width, self.target.height)?)
+                Ok(bicubic::resize_bicubic(image.view(), self.target)?)
             }
         }
     }
@@ -259,7 +258,7 @@ impl<'a> SampleSet<'a> {
         let table = match &self.single_view {
             SingleView::Mesh(_) => {
                 let centres: Vec<[f64; 2]> = self.points.iter().map(|p| [f64::from(p[0]), f64::from(p[1])]).collect();
-                Some(Cubic::new(&centres, (self.target.width, self.target.height), (width, height))?)
+                Some(Cubic::new(&centres, self.target, Size::new(width, height))?)
             }
             SingleView::Grid { .. } => None,
         };
@@ -335,5 +334,5 @@ fn shrink(image: ArrayView3<f32>, width: usize, height: usize) -> Result<Array3<
     if image.dim() == (height, width, image.dim().2) {
         return Ok(image.to_owned());
     }
-    Ok(bicubic::resize_bicubic(image, width, height)?)
+    Ok(bicubic::resize_bicubic(image, Size::new(width, height))?)
 }

@@ -3,6 +3,7 @@
 //! the interpolation of the view's own samples. The samples of the other views are fitted first; those of the view
 //! itself then validate the fit (see [`super::cross_validation`]) and enter last.
 
+use lenslet_core::geometry::Size;
 use ndarray::Array3;
 
 use super::cross_validation::{Cells, cross_validate};
@@ -24,7 +25,7 @@ pub(super) fn render_view(
     }
     let alone = lanes(&prior);
     let mut image = alone.clone();
-    let rays = other_samples(set, disparities, at, (w, h));
+    let rays = other_samples(set, disparities, at, Size::new(w, h));
     // How far the samples of the other views are from the prior.
     let mut prior_residual = Cells::new(w, h);
     let mut sums: Vec<[f32; 4]> = vec![[0.0; 4]; w * h];
@@ -55,7 +56,7 @@ pub(super) fn render_view(
     // s = w/(w + ½), the share of the others in a pixel of weight w, and c_i = B(x_i)·s, the residual f_i − B(x_i)·I is
     // c_i times the error of the others (the prior, made of the own samples, contributes none). So the mean square is
     // Σ (f_i − B(x_i)·I)² / Σ c_i².
-    let own = own_samples(set, disparities, at, (w, h));
+    let own = own_samples(set, disparities, at, Size::new(w, h));
     let (mut fit_residual, mut light) = (Cells::new(w, h), Cells::new(w, h));
     for ray in &own {
         let b = ray.shares();

@@ -15,13 +15,13 @@ pub(super) fn render_view(
     disparities: &ViewDisparities,
     at: (usize, usize),
 ) -> Result<Array3<f32>, Error> {
-    let size = (set.target.width, set.target.height);
+    let size = set.target;
     let c = set.channels();
-    if size.0 < 2 || size.1 < 2 {
+    if size.width < 2 || size.height < 2 {
         return set.single(at.0, at.1);
     }
     // Means of position and value in cells of half a pixel.
-    let (w, h) = (2 * size.0, 2 * size.1);
+    let (w, h) = (2 * size.width, 2 * size.height);
     let mut sums = vec![[0f64; 6]; w * h];
     for_each_ray(set, disparities, at, size, |x, y, weight: f32, value: &[f32]| {
         let cell = &mut sums[(2.0 * y) as usize * w + (2.0 * x) as usize];

@@ -1,5 +1,6 @@
 //! Disparity of every view on a common working grid.
 
+use lenslet_core::geometry::Size;
 use lenslet_core::image::{Cell, Plane, bilinear_by_differences};
 
 use ndarray::Array2;
@@ -62,7 +63,7 @@ impl ViewDisparities {
         let map = &self.maps[k];
         let mx = (x + 0.5) / self.scale[0] - 0.5;
         let my = (y + 0.5) / self.scale[1] - 0.5;
-        let cell = Cell::clamped(mx, my, map.width, map.height);
+        let cell = Cell::clamped(mx, my, Size::new(map.width, map.height));
         let q = cell.corners(|x, y| map.data[y * map.width + x]);
         let lo = q[0].min(q[1]).min(q[2].min(q[3]));
         let hi = q[0].max(q[1]).max(q[2].max(q[3]));

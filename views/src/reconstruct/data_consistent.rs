@@ -2,6 +2,7 @@
 //! noise.
 
 use lenslet_core::decode::HexSamples;
+use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{Srgb, View};
 use ndarray::ArrayView2;
@@ -29,7 +30,7 @@ impl DataConsistent {
         reconstructor: Reconstructor,
         samples: &HexSamples,
         interpolation: Interpolation,
-        size: (usize, usize),
+        size: Size,
         noise: Option<f32>,
     ) -> Result<Self, Error> {
         let model = reconstructor.model();
@@ -104,7 +105,7 @@ mod tests {
         };
         let values = Array3::from_shape_fn((1, centres.len(), 3), |(_, n, k)| light(&centres[n], k));
         HexSamples {
-            sensor: (side, side),
+            sensor: Size::new(side, side),
             index: vec![[0, 0]; centres.len()],
             centres,
             views: 1,
@@ -136,22 +137,37 @@ mod tests {
             let rms = (errors.iter().map(|e| e * e).sum::<f32>() / errors.len() as f32).sqrt();
             (rms, errors.iter().fold(0.0, |a, &b| a.max(b)))
         };
-        let exact =
-            DataConsistent::new(reconstructor.clone(), &samples, Interpolation::Barycentric, (200, 200), Some(0.0))
-                .unwrap();
+        let exact = DataConsistent::new(
+            reconstructor.clone(),
+            &samples,
+            Interpolation::Barycentric,
+            Size::new(200, 200),
+            Some(0.0),
+        )
+        .unwrap();
         let (plain, _) = off(&exact, &reconstructor.reconstruct_view(&low).unwrap());
         let (rms, worst) = off(&exact, &exact.reconstruct_view(&low, values).unwrap());
         assert!(rms < 0.001 && worst < 0.02 && rms < 0.3 * plain, "{rms} {worst} against {plain}");
         // With noise given, differences within it are left alone, and larger ones reduced to it.
-        let noisy =
-            DataConsistent::new(reconstructor.clone(), &samples, Interpolation::Barycentric, (200, 200), Some(0.02))
-                .unwrap();
+        let noisy = DataConsistent::new(
+            reconstructor.clone(),
+            &samples,
+            Interpolation::Barycentric,
+            Size::new(200, 200),
+            Some(0.02),
+        )
+        .unwrap();
         let (_, worst) = off(&noisy, &noisy.reconstruct_view(&low, values).unwrap());
         assert!(worst < 0.03, "{worst}");
         // With noise larger than every difference the dictionary's view is unchanged.
-        let blind =
-            DataConsistent::new(reconstructor.clone(), &samples, Interpolation::Barycentric, (200, 200), Some(10.0))
-                .unwrap();
+        let blind = DataConsistent::new(
+            reconstructor.clone(),
+            &samples,
+            Interpolation::Barycentric,
+            Size::new(200, 200),
+            Some(10.0),
+        )
+        .unwrap();
         let free = reconstructor.reconstruct_view(&low).unwrap();
         assert!(
             (blind.reconstruct_view(&low, values).unwrap().pixels() - free.pixels()).iter().all(|d| d.abs() < 1e-5)
@@ -169,7 +185,8 @@ mod tests {
         let values = samples.values.index_axis(ndarray::Axis(0), 0);
         let low = interpolated(&samples, &target);
         let faithful =
-            DataConsistent::new(reconstructor.clone(), &samples, Interpolation::Multiview, (200, 200), None).unwrap();
+            DataConsistent::new(reconstructor.clone(), &samples, Interpolation::Multiview, Size::new(200, 200), None)
+                .unwrap();
         let found = luminance(faithful.reconstruct_view(&low, values).unwrap().pixels().view());
         let truth = faithful.measurements();
         let kept = truth.project_onto_samples(&luminance(low.pixels().view()), values, true).unwrap();

@@ -2,6 +2,7 @@
 //! filter (He, Sun, Tang 2013), and the remainder is kept as far as it exceeds noise (local Wiener filter).
 
 use lenslet_core::colour::LUMINANCE;
+use lenslet_core::geometry::Size;
 use lenslet_core::image::{BoxMeans, GuidedFilter, box_mean_in_bands};
 use ndarray::{Array2, Array3, Axis};
 use rayon::prelude::*;
@@ -69,7 +70,7 @@ fn smooth(guide: &Array2<f32>, differences: [Array2<f32>; 2], radius: usize) -> 
     let guide = guide.as_standard_layout().mapv(finite);
     let (h, w) = guide.dim();
     let Some(luminance) = guide.as_slice() else { return differences };
-    let filter = GuidedFilter::new(luminance, w, h, radius, EPSILON, BoxMeans::AllThreads);
+    let filter = GuidedFilter::new(luminance, Size::new(w, h), radius, EPSILON, BoxMeans::AllThreads);
     let followed: Vec<(Array2<f32>, Array2<f32>)> = differences
         .into_par_iter()
         .map(|difference| {

@@ -2,6 +2,7 @@
 
 use lenslet_core::decode::HexSamples;
 use lenslet_core::ensure;
+use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{ColourSpace, Meta, Srgb, View, ViewSink, ViewSource, colour};
 use lenslet_core::progress::Observer;
@@ -34,7 +35,11 @@ impl Enlargement {
     fn apply(self, view: Array3<f32>) -> Result<Array3<f32>, Error> {
         let (h, w, _) = view.dim();
         let [rows, columns] = self.size([h, w]);
-        if (rows, columns) == (h, w) { Ok(view) } else { Ok(bicubic::resize_bicubic(view.view(), columns, rows)?) }
+        if (rows, columns) == (h, w) {
+            Ok(view)
+        } else {
+            Ok(bicubic::resize_bicubic(view.view(), Size::new(columns, rows))?)
+        }
     }
 }
 
@@ -73,7 +78,10 @@ pub fn reconstruct_light_field(
                 "the samples are of {0}x{0} views, the light field has {rows}x{columns}",
                 samples.views
             );
-            Some((DataConsistent::new(reconstructor.clone(), samples, base, (size[1], size[0]), noise)?, samples))
+            Some((
+                DataConsistent::new(reconstructor.clone(), samples, base, Size::new(size[1], size[0]), noise)?,
+                samples,
+            ))
         }
         None => None,
     };

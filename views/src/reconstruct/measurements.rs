@@ -5,6 +5,7 @@ use lenslet_core::decode::HexSamples;
 use lenslet_core::dictionary::Footprint;
 use lenslet_core::ensure;
 use lenslet_core::geometry::SensorToView;
+use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::noise::NoiseCurve;
 use lenslet_core::sampling::Cubic;
@@ -48,7 +49,7 @@ impl Measurements {
         samples: &HexSamples,
         footprint: Footprint,
         pitch: f64,
-        size: (usize, usize),
+        size: Size,
         noise: Option<f32>,
         alone: &[Interpolation],
     ) -> Result<Self, Error> {

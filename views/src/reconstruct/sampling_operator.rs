@@ -2,6 +2,7 @@
 //! interpolates the differences over the plane. A few rounds bring S z to y.
 
 use lenslet_core::dictionary::Footprint;
+use lenslet_core::geometry::Size;
 use lenslet_core::sampling::{self, Weights, sample_image};
 use ndarray::{Array2, ArrayView1, Axis};
 
@@ -19,12 +20,7 @@ impl SamplingOperator {
     ///
     /// # Errors
     /// Centres that cannot be triangulated, a size out of range.
-    pub fn new(
-        centres: Vec<[f64; 2]>,
-        footprint: Footprint,
-        pitch: f64,
-        size: (usize, usize),
-    ) -> Result<Self, sampling::Error> {
+    pub fn new(centres: Vec<[f64; 2]>, footprint: Footprint, pitch: f64, size: Size) -> Result<Self, sampling::Error> {
         let table = Weights::new(&centres, size, size)?;
         let footprint = match footprint {
             Footprint::Lenslet => sampling::Footprint::Disc(pitch),
@@ -120,7 +116,7 @@ mod tests {
         ] {
             let (placed, values) =
                 lattice_samples(truth.view().insert_axis(Axis(2)), 3.3, 0.002, [0.2, 0.6], core).unwrap();
-            let operator = SamplingOperator::new(placed.centres, footprint, 3.3, (90, 80)).unwrap();
+            let operator = SamplingOperator::new(placed.centres, footprint, 3.3, Size::new(90, 80)).unwrap();
             let start = Array2::from_elem((80, 90), 0.5);
             let (result, left) = back_project(&start, &operator, values.column(0), 12, &[]).unwrap();
             assert!(left < tolerance, "{footprint}: {left}");
@@ -132,6 +128,6 @@ mod tests {
             assert_eq!(same, start);
             assert!(back_project(&start, &operator, values.column(0), 5, &noise[1..]).is_err());
         }
-        assert!(SamplingOperator::new(vec![[0.0, 0.0]], Footprint::Point, 3.3, (9, 9)).is_err());
+        assert!(SamplingOperator::new(vec![[0.0, 0.0]], Footprint::Point, 3.3, Size::new(9, 9)).is_err());
     }
 }

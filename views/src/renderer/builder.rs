@@ -30,7 +30,7 @@ pub trait RenderSamples {
 
 impl RenderSamples for HexSamples {
     fn renderer(&self, method: impl Into<Method>) -> RendererBuilder<'_> {
-        let size = Size::from(self.sensor).with_longer_side(LONGER_SIDE);
+        let size = self.sensor.with_longer_side(LONGER_SIDE);
         RendererBuilder { samples: self, method: method.into(), size, observer: &Silent }
     }
 }
@@ -39,7 +39,7 @@ impl<'a> RendererBuilder<'a> {
     /// Views whose longer side has `pixels` pixels, scene pixels square.
     #[must_use]
     pub fn longer_side(mut self, pixels: usize) -> Self {
-        self.size = Size::from(self.samples.sensor).with_longer_side(pixels);
+        self.size = self.samples.sensor.with_longer_side(pixels);
         self
     }
 

@@ -69,8 +69,13 @@ impl<'a> LearnedViews<'a> {
         let step = if alone {
             Step::Alone(Box::new(reconstructor))
         } else {
-            let size = (working.width, working.height);
-            Step::Consistent(Box::new(DataConsistent::new(reconstructor, samples, interpolation, size, options.noise)?))
+            Step::Consistent(Box::new(DataConsistent::new(
+                reconstructor,
+                samples,
+                interpolation,
+                working,
+                options.noise,
+            )?))
         };
         Ok(LearnedViews { samples, step, working, target: *target, plan })
     }
@@ -103,7 +108,7 @@ impl<'a> LearnedViews<'a> {
         if self.working == self.target {
             return Ok(sharp.decode());
         }
-        let mut pixels = bicubic::resize_bicubic(sharp.pixels().view(), self.target.width, self.target.height)?;
+        let mut pixels = bicubic::resize_bicubic(sharp.pixels().view(), self.target)?;
         pixels.mapv_inplace(|p| p.clamp(0.0, 1.0));
         Ok(View::<Srgb>::new(pixels).decode())
     }

@@ -28,7 +28,7 @@ use crate::target::{Sink, view_pitch};
 /// let place = |k: i32| 4.5 + 10.0 * f64::from(k);
 /// let centres: Vec<[f64; 2]> = (0..100).map(|k| [place(k % 10), place(k / 10)]).collect();
 /// let samples = HexSamples {
-///     sensor: (100, 100),
+///     sensor: Size::new(100, 100),
 ///     index: (0..100).map(|k| [k % 10, k / 10]).collect(),
 ///     centres,
 ///     views: 1,

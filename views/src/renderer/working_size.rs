@@ -36,7 +36,7 @@ mod tests {
     fn views_of_another_pitch_are_reconstructed_at_the_trained_one() {
         let lenslets = 30 * 30;
         let samples = HexSamples {
-            sensor: (300, 300),
+            sensor: Size::new(300, 300),
             centres: vec![[0.0, 0.0]; lenslets],
             index: vec![[0, 0]; lenslets],
             views: 1,

@@ -28,11 +28,11 @@ const NEAR: f64 = 0.15;
 pub fn weigh_by_agreement(
     captures: &[Screened],
     hot: &[u32],
-    size: (usize, usize),
+    size: Size,
     found: &mut LocatedLenslets,
     observer: &dyn Observer,
 ) -> Result<(), Error> {
-    let (width, height) = size;
+    let Size { width, height } = size;
     let grid = found.lattice;
     if captures.len() == 1 {
         for l in &mut found.lenslets {
@@ -88,7 +88,7 @@ pub fn weigh_by_agreement(
             m
         })
         .collect();
-    found.shrunk = shrink::shrink_centres(&grid, &measured, width, height);
+    found.shrunk = shrink::shrink_centres(&grid, &measured, Size::new(width, height));
     found.lenslets = locate::lenslets_on_sensor(&measured, &found.shrunk, width, height);
     Ok(())
 }

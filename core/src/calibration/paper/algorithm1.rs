@@ -106,7 +106,7 @@ pub fn run_algorithm1<C: Borrow<Capture>>(captures: &[C], observer: &dyn Observe
     let centres: Vec<[f64; 2]> = maxima::local_maxima(&eroded, APART * pitch, FLOOR)
         .into_iter()
         .filter_map(|[x, y]| paraboloid::paraboloid_top(&eroded, x, y, reach))
-        .map(|c| rotate::to_unrotated(c, angle, width, height))
+        .map(|c| rotate::to_unrotated(c, angle, Size::new(width, height)))
         .filter(|c| c[0] >= 0.0 && c[1] >= 0.0 && c[0] <= (width - 1) as f64 && c[1] <= (height - 1) as f64)
         .collect();
     step("triangulate")?;

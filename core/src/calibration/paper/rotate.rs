@@ -1,6 +1,7 @@
 //! Algorithm 1, "rotate image by the estimated angle": resamples every pixel, bilinear. The default method does not
 //! rotate.
 
+use crate::geometry::Size;
 use rayon::prelude::*;
 
 use crate::calibration::sensor_image::SensorImage;
@@ -9,7 +10,8 @@ use crate::image::bilinear_by_weights;
 /// The position in the unrotated image of a point of the rotated one: rotation by `angle` (radians, clockwise on
 /// screen) about the centre of an image of `width`×`height` pixels.
 #[inline]
-pub fn to_unrotated(point: [f64; 2], angle: f64, width: usize, height: usize) -> [f64; 2] {
+pub fn to_unrotated(point: [f64; 2], angle: f64, size: Size) -> [f64; 2] {
+    let Size { width, height } = size;
     let middle = [(width as f64 - 1.0) / 2.0, (height as f64 - 1.0) / 2.0];
     let (s, c) = angle.sin_cos();
     let (dx, dy) = (point[0] - middle[0], point[1] - middle[1]);
@@ -23,7 +25,7 @@ pub fn rotate_image(image: &SensorImage, angle: f64) -> SensorImage {
     let mut data = vec![0f32; width * height];
     data.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
         for (x, out) in row.iter_mut().enumerate() {
-            let [sx, sy] = to_unrotated([x as f64, y as f64], angle, width, height);
+            let [sx, sy] = to_unrotated([x as f64, y as f64], angle, Size::new(width, height));
             if sx < 0.0 || sy < 0.0 || sx > (width - 1) as f64 || sy > (height - 1) as f64 {
                 continue;
             }
@@ -47,7 +49,7 @@ mod tests {
         let image = SensorImage { width: w, height: h, data, limit: [f32::MAX; 4] };
         let turned = rotate_image(&image, 0.1);
         for (x, y) in [(20, 15), (12, 9), (27, 20)] {
-            let [sx, sy] = to_unrotated([x as f64, y as f64], 0.1, w, h);
+            let [sx, sy] = to_unrotated([x as f64, y as f64], 0.1, Size::new(w, h));
             assert!((f64::from(turned.at(x, y)) - (2.0 * sx + 3.0 * sy)).abs() < 1e-4);
         }
         assert_eq!(turned.at(0, 0), 0.0);

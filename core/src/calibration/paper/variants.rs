@@ -48,12 +48,12 @@ pub fn apply_variant(
         }
         CalibrationVariant::RotationOnly => {
             let l = found.lattice;
-            found.lattice = ideal_lattice(&l, l.pitch(), l.rotation(), width, height);
+            found.lattice = ideal_lattice(&l, l.pitch(), l.rotation(), Size::new(width, height));
             found.lenslets = on_grid(found.lattice);
         }
         CalibrationVariant::None => {
             let l = found.lattice;
-            found.lattice = ideal_lattice(&l, l.pitch().round(), 0.0, width, height);
+            found.lattice = ideal_lattice(&l, l.pitch().round(), 0.0, Size::new(width, height));
             found.lenslets = on_grid(found.lattice);
         }
     }
@@ -63,7 +63,8 @@ pub fn apply_variant(
 
 /// The ideal grid with the packing and origin of `found`, of the given pitch (pixels) and rotation (radians), without
 /// row stretch.
-pub fn ideal_lattice(found: &Lattice, pitch: f64, rotation: f64, width: usize, height: usize) -> Lattice {
+pub fn ideal_lattice(found: &Lattice, pitch: f64, rotation: f64, size: Size) -> Lattice {
+    let Size { width, height } = size;
     let (s, c) = rotation.sin_cos();
     let a = match found.grid {
         Grid::HexColumns => [-pitch * s, pitch * c],
@@ -85,7 +86,7 @@ mod tests {
     fn ideal_grids_have_what_was_asked() {
         for grid in [Grid::HexRows, Grid::HexColumns, Grid::Square] {
             let found = Lattice { grid, origin: [50.2, 49.1], a: [10.1, 0.3], b: [5.0, 8.9] };
-            let l = ideal_lattice(&found, 10.0, 0.03, 100, 100);
+            let l = ideal_lattice(&found, 10.0, 0.03, Size::new(100, 100));
             assert!((l.pitch() - 10.0).abs() < 1e-12 && (l.rotation() - 0.03).abs() < 1e-12);
             assert!((l.row_stretch() - 1.0).abs() < 1e-12);
             assert_eq!(l.grid, grid);

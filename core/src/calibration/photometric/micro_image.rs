@@ -4,6 +4,7 @@
 //! follows a polynomial over the sensor, bin by bin: all lenslets determine it, so that neither the scenes of single regions
 //! nor noise stay in it, and it has no seams.
 
+use crate::geometry::Size;
 use rayon::prelude::*;
 
 use crate::calibration::model::Lattice;
@@ -32,7 +33,7 @@ fn bins_per_period(lattice: &Lattice) -> usize {
 /// Mean micro-images over a sensor: a polynomial a bin.
 pub struct MicroImages<'a> {
     lattice: &'a Lattice,
-    size: (usize, usize),
+    size: Size,
     steps: usize,
     /// Coefficients of each bin.
     bins: Vec<[f32; TERMS]>,
@@ -43,7 +44,7 @@ impl<'a> MicroImages<'a> {
     pub fn mean_of(image: &SensorImage, lattice: &'a Lattice, light: &(impl Fn(f64, f64) -> f64 + Sync)) -> Self {
         let steps = bins_per_period(lattice);
         let sums = region_sums(image, lattice, steps, light);
-        let size = (image.width, image.height);
+        let size = Size::new(image.width, image.height);
         let mut total = vec![[0f64; 2]; steps * steps];
         for region in sums.chunks_exact(steps * steps) {
             for (t, s) in total.iter_mut().zip(region) {
@@ -58,7 +59,7 @@ impl<'a> MicroImages<'a> {
     /// Light at a pixel as a share of that at the centre of a lenslet there.
     pub fn light_at(&self, x: usize, y: usize) -> f32 {
         let unit = |p: usize, n: usize| (2.0 * (p as f64 + 0.5) / n as f64 - 1.0) as f32;
-        let terms = terms_at(unit(x, self.size.0), unit(y, self.size.1));
+        let terms = terms_at(unit(x, self.size.width), unit(y, self.size.height));
         let [u, w] = cell_position(self.lattice, x, y);
         (self.read(&terms, u, w) / self.read(&terms, 0.0, 0.0).max(1e-3)).max(0.0)
     }

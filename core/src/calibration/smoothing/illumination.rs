@@ -3,6 +3,7 @@
 //! towards the sensor's centre, so measuring divides by it.
 
 use crate::calibration::centres::measured::MeasuredLenslet;
+use crate::geometry::Size;
 use crate::image::{Cell, bilinear_by_weights};
 use crate::linalg::solve_small;
 
@@ -43,7 +44,8 @@ pub struct Illumination {
 impl Illumination {
     /// Fits the illumination to the usable lenslets of a sensor of `width`×`height` pixels: a robust polynomial, then
     /// medians of the ratio over cells of about six lenslets a side, holes filled from neighbours, smoothed twice.
-    pub fn new(measured: &[MeasuredLenslet], width: usize, height: usize, pitch: f64) -> Self {
+    pub fn new(measured: &[MeasuredLenslet], size: Size, pitch: f64) -> Self {
+        let Size { width, height } = size;
         let cell = (CELL * pitch).max(width.max(height) as f64 / 256.0);
         let columns = (width as f64 / cell).ceil().max(1.0) as usize;
         let rows = (height as f64 / cell).ceil().max(1.0) as usize;
@@ -87,7 +89,7 @@ impl Illumination {
 
     /// The residual grid at (`x`, `y`): bilinear between the cells' centres, constant beyond the border.
     fn rest_at(&self, x: f64, y: f64) -> f64 {
-        let place = Cell::clamped(x / self.cell - 0.5, y / self.cell - 0.5, self.columns, self.rows);
+        let place = Cell::clamped(x / self.cell - 0.5, y / self.cell - 0.5, Size::new(self.columns, self.rows));
         bilinear_by_weights(place.corners(|c, r| self.values[r * self.columns + c]), place.fx, place.fy)
     }
 

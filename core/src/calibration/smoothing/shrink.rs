@@ -5,6 +5,7 @@
 
 use crate::calibration::centres::measured::MeasuredLenslet;
 use crate::calibration::model::Lattice;
+use crate::geometry::Size;
 use crate::linalg::solve_small;
 
 /// Outlier threshold for residuals (dust, dead lenslets, reflections), in standard deviations √(τ² + σ²).
@@ -64,7 +65,8 @@ impl MisfitTable {
 
 /// Shrinks measured centres towards the lattice plus a smooth distortion, each by the variance of its measurement;
 /// `width` and `height` are the sensor's, pixels.
-pub fn shrink_centres(lattice: &Lattice, measured: &[MeasuredLenslet], width: usize, height: usize) -> ShrunkCentres {
+pub fn shrink_centres(lattice: &Lattice, measured: &[MeasuredLenslet], size: Size) -> ShrunkCentres {
+    let Size { width, height } = size;
     let table = MisfitTable::new(measured);
     let variances: Vec<[f64; 2]> = measured
         .iter()

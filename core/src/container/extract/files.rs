@@ -3,6 +3,7 @@
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
+use crate::geometry::Size;
 use serde_json::{Value, json};
 use sha1::{Digest, Sha1};
 
@@ -74,7 +75,14 @@ pub fn extract(
             warnings.push(format!("{name} is damaged: its sha1 is not the one the file names"));
         }
         if let Some((width, height)) = item.depth {
-            written.extend(write_depth_maps(&item, (width, height), &name, &mut names, pending.path(), &mut warnings)?);
+            written.extend(write_depth_maps(
+                &item,
+                Size::new(width, height),
+                &name,
+                &mut names,
+                pending.path(),
+                &mut warnings,
+            )?);
         }
         written.push(Extracted { name, bytes, what: item.what, facts: item.facts, intact });
         observer.advance(1);
@@ -95,7 +103,7 @@ pub fn extract(
 /// Writes the planes of a depth map as .pfm and 16-bit .png.
 fn write_depth_maps(
     item: &Item,
-    size: (usize, usize),
+    size: Size,
     raw_name: &str,
     names: &mut Names,
     folder: &Path,
@@ -103,12 +111,7 @@ fn write_depth_maps(
 ) -> Result<Vec<Extracted>, Error> {
     let bytes = item.member.read(1 << 30)?;
     let Some(planes) = depth::read_depth_planes(&bytes, size) else {
-        warnings.push(format!(
-            "{raw_name}: {} bytes do not hold {}x{} depths; only saved as they are",
-            bytes.len(),
-            size.0,
-            size.1
-        ));
+        warnings.push(format!("{raw_name}: {} bytes do not hold {size} depths; only saved as they are", bytes.len()));
         return Ok(Vec::new());
     };
     let mut out = Vec::new();
@@ -123,7 +126,7 @@ fn write_depth_maps(
                 ("png", Some((low, high))) => json!({"lambda_at_0": low, "lambda_at_65535": high}),
                 _ => Value::Null,
             };
-            let what = format!("{word} map of {raw_name}, {}x{}", size.0, size.1);
+            let what = format!("{word} map of {raw_name}, {size}");
             out.push(Extracted { name, bytes: bytes.len() as u64, what, facts, intact: None });
         }
     }

@@ -9,6 +9,7 @@ use super::list::{CalibrationImages, list_calibration_images};
 use crate::container::capture::Capture;
 use crate::container::error::Error;
 use crate::container::facts::CameraFacts;
+use crate::geometry::Size;
 
 /// The white image of a capture, and what else was there.
 #[derive(Debug, Clone, PartialEq)]
@@ -77,7 +78,7 @@ pub fn find_white_image(place: &Path, capture: &Capture) -> Result<WhiteChoice, 
 /// The choice among listed images.
 pub fn choose_white_image(place: &Path, found: CalibrationImages, capture: &Capture) -> WhiteChoice {
     let want = &capture.camera;
-    let size = (capture.mosaic.width, capture.mosaic.height);
+    let size = Size::new(capture.mosaic.width, capture.mosaic.height);
     let mut usable = Vec::new();
     let mut passed = Vec::new();
     for c in found.images {
@@ -105,15 +106,15 @@ pub fn choose_white_image(place: &Path, found: CalibrationImages, capture: &Capt
 }
 
 /// Why an image cannot be the capture's white image, if so.
-fn why_unfit(c: &CalibrationImage, want: &CameraFacts, size: (usize, usize)) -> Option<String> {
+fn why_unfit(c: &CalibrationImage, want: &CameraFacts, size: Size) -> Option<String> {
     match c.class {
         ExposureClass::Black => return Some("a black image, for hot pixels".into()),
         ExposureClass::Dark => return Some("too dark: its mean is under 500 of 4095".into()),
         ExposureClass::Saturated => return Some("over-exposed".into()),
         ExposureClass::White => {}
     }
-    if let Some((w, h)) = c.frame.size.filter(|s| *s != size) {
-        return Some(format!("{w}x{h} pixels, the capture has {}x{}", size.0, size.1));
+    if let Some(other) = c.frame.size.map(Size::from).filter(|s| *s != size) {
+        return Some(format!("{other} pixels, the capture has {size}"));
     }
     match (&want.serial, &c.frame.camera.serial) {
         (Some(a), Some(b)) if a != b => Some(format!("of another camera, {b}")),
@@ -208,17 +209,10 @@ fn why_passed_over(best: &CalibrationImage, c: &CalibrationImage, want: &CameraF
 }
 
 /// What was searched for, and what was found, in one line.
-fn describe_absence(
-    want: &CameraFacts,
-    size: (usize, usize),
-    total: usize,
-    passed: &[(CalibrationImage, String)],
-) -> String {
+fn describe_absence(want: &CameraFacts, size: Size, total: usize, passed: &[(CalibrationImage, String)]) -> String {
     let number = |v: Option<i64>| v.map_or("unknown".to_string(), |v| v.to_string());
     let mut out = format!(
-        "looked for a white image of {}x{} pixels, serial {}, zoom {}, focus {}",
-        size.0,
-        size.1,
+        "looked for a white image of {size} pixels, serial {}, zoom {}, focus {}",
         want.serial.as_deref().unwrap_or("unknown"),
         number(want.zoom_step),
         number(want.focus_step)

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::calibration::{Grid, Lenslet};
+use crate::geometry::Size;
 use crate::progress::Silent;
 
 /// A square lattice of `pitch` pixels on a sensor of 4x4 lenslets.
@@ -27,7 +28,7 @@ fn camera(pitch: f64) -> Calibration {
 
 fn samples_of(calibration: &Calibration, views: usize, view_step: f64) -> HexSamples {
     HexSamples {
-        sensor: (calibration.width, calibration.height),
+        sensor: Size::new(calibration.width, calibration.height),
         index: calibration.lenslets.iter().map(|l| [l.i, l.j]).collect(),
         views,
         view_step,

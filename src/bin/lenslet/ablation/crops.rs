@@ -5,6 +5,7 @@ use std::path::Path;
 
 use anyhow::Result;
 use lenslet_core::container::RawMosaic;
+use lenslet_core::geometry::Size;
 use lenslet_core::output;
 use lenslet_data_gen::simulate::Region;
 use ndarray::{Array3, s};
@@ -21,7 +22,7 @@ const SIDE: usize = 140;
 pub(super) const GAIN: f32 = 6.0;
 
 /// Upper left corner of the crop that is shown of a scene. On the chart the line pairs next to the middle.
-pub(super) fn corner_in_scene(chart: bool, regions: &[Region], size: (usize, usize)) -> (usize, usize) {
+pub(super) fn corner_in_scene(chart: bool, regions: &[Region], size: Size) -> (usize, usize) {
     let middle = |r: &Region| [(r.bounds[0] + r.bounds[2]) / 2.0, (r.bounds[1] + r.bounds[3]) / 2.0];
     let distance = |r: &&Region| {
         let [x, y] = middle(r);
@@ -34,7 +35,7 @@ pub(super) fn corner_in_scene(chart: bool, regions: &[Region], size: (usize, usi
 
 /// Upper left corner of the crop of a view of `size` of a real capture: where its raw mosaic has most detail, so that
 /// all variants show the same place.
-pub(super) fn corner_in_capture(mosaic: &RawMosaic, size: (usize, usize)) -> (usize, usize) {
+pub(super) fn corner_in_capture(mosaic: &RawMosaic, size: Size) -> (usize, usize) {
     // Means of squares that hold some micro-images each.
     const SQUARE: usize = 20;
     let (width, height) = (mosaic.width / SQUARE, mosaic.height / SQUARE);
@@ -42,12 +43,12 @@ pub(super) fn corner_in_capture(mosaic: &RawMosaic, size: (usize, usize)) -> (us
         let row = |y: usize| &mosaic.data[y * mosaic.width + s * SQUARE..][..SQUARE];
         (t * SQUARE..(t + 1) * SQUARE).flat_map(row).map(|&x| f32::from(x)).sum::<f32>()
     });
-    corner(most_detailed_place(&means, SIDE * width / size.0.max(1)), size)
+    corner(most_detailed_place(&means, SIDE * width / size.width.max(1)), size)
 }
 
-fn corner(at: [f64; 2], (width, height): (usize, usize)) -> (usize, usize) {
+fn corner(at: [f64; 2], size: Size) -> (usize, usize) {
     let one = |share: f64, n: usize| ((share * n as f64) as usize).saturating_sub(SIDE / 2).min(n.saturating_sub(SIDE));
-    (one(at[0], width), one(at[1], height))
+    (one(at[0], size.width), one(at[1], size.height))
 }
 
 /// Writes the crop and, where there is a truth, the crop's difference from it, and the truth; names by what they show.

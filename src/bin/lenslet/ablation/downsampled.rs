@@ -24,14 +24,14 @@ pub(super) fn downsampled_views(
             let picture = Array3::from_shape_fn((low.height, low.width, values.dim().1), |(t, s, c)| {
                 values[[nearest[t * low.width + s], c]]
             });
-            Ok(resize_bicubic(picture.view(), target.width, target.height)?)
+            Ok(resize_bicubic(picture.view(), *target)?)
         })
         .collect()
 }
 
 /// The lenslet nearest to every pixel of the low image, row by row.
 fn nearest_lenslets(samples: &HexSamples, low: Size) -> Vec<usize> {
-    let map = SensorToView::new(samples.sensor, (low.width, low.height));
+    let map = SensorToView::new(samples.sensor, low);
     // Lenslets by the low pixel that holds them; the nearest one is at most a pitch and a half away.
     let clamp = |p: f64, n: usize| (p.round().max(0.0) as usize).min(n - 1);
     let mut cells = vec![Vec::new(); low.width * low.height];
@@ -67,7 +67,7 @@ mod tests {
             .collect();
         let n = centres.len();
         let samples = HexSamples {
-            sensor: (120, 100),
+            sensor: Size::new(120, 100),
             index: vec![[0, 0]; n],
             views: 1,
             view_step: 1.0,

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
+use lenslet_core::geometry::Size;
 use lenslet_core::lightfield::{self, ColourSpace, ReadOptions, ViewSource, colour};
 use lenslet_core::metrics::{Alignment, BORDER, Scores, Window};
 use ndarray::Array3;
@@ -22,7 +23,7 @@ pub(super) fn score_peer(name: &str, path: &Path, settings: &Settings, out: &Pat
     let (a, b) = (middle(peer.as_ref())?, middle(truth.as_ref())?);
     let alignment = Alignment::estimate(a.view(), b.view()).with_context(|| format!("cannot align {name}"))?;
     let (height, width, _) = b.dim();
-    let mut moved = alignment.apply(a.view(), (height, width));
+    let mut moved = alignment.apply(a.view(), Size::new(width, height));
     moved.mapv_inplace(|x| x.clamp(0.0, 1.0));
     // Where the peer's view ends is not known to a pixel, so the border is wide.
     let border = (5 * BORDER).min(height.min(width) / 4);

@@ -175,7 +175,7 @@ mod tests {
             let values =
                 Array3::from_shape_fn((1, 256, 3), |(_, k, c)| gain * (0.2 + 0.002 * k as f32) + 0.01 * c as f32);
             HexSamples {
-                sensor: (160, 160),
+                sensor: Size::new(160, 160),
                 index: (0..256).map(|k| [k % 16, k / 16]).collect(),
                 centres,
                 views: 1,

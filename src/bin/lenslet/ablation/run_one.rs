@@ -79,7 +79,7 @@ fn run_simulated(
     let dictionary = dictionary_of(chain, run.seed, settings, simulated, &mut scored, observer)?;
     let capture = simulated.get(kind, run.seed, chain.noise, observer)?;
     let calibration = capture.calibration(chain.calibration, observer)?.clone();
-    let target = Size { width: capture.size.0, height: capture.size.1 };
+    let target = capture.size;
 
     // The middle view, one at the rim of the micro-images, and the corner, where little light is left.
     let (n, middle) = (chain.views, chain.views / 2);
@@ -159,7 +159,7 @@ fn run_captured(
         };
         scored.scores.extend(methods.scores_of(samples, &image, chain.method.uses_other_views(), &mut again)?);
     }
-    let crop = crops::corner_in_capture(&capture.mosaic, (target.width, target.height));
+    let crop = crops::corner_in_capture(&capture.mosaic, target);
     scored.pictures = crops::save_crops(out, &run.key(), &image, None, crop)?;
     scored.hashes = real.hashes(&settings.calibrated_by);
     Ok(scored)

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 
 use anyhow::Result;
 use lenslet_core::calibration::{self, Calibration, CalibrationVariant};
+use lenslet_core::geometry::Size;
 use lenslet_core::lightfield::{ColourSpace, colour};
 use lenslet_core::progress::Observer;
 use lenslet_data_gen::simulate::{self, Camera, Scene, Simulation, SimulationOptions};
@@ -33,7 +34,7 @@ pub(super) struct SimulatedCapture {
     pub(super) scene: Scene,
     pub(super) simulation: Simulation,
     /// Views (width, height).
-    pub(super) size: (usize, usize),
+    pub(super) size: Size,
     calibrations: HashMap<&'static str, Calibration>,
     truths: HashMap<(usize, usize, usize), Array3<f32>>,
 }
@@ -131,6 +132,6 @@ impl SimulatedCapture {
 
     /// Output pixels between neighbouring lenslets.
     pub(super) fn pitch(&self) -> f64 {
-        self.camera.lenslets.pitch * self.size.0 as f64 / self.camera.sensor.0 as f64
+        self.camera.lenslets.pitch * self.size.width as f64 / self.camera.sensor.width as f64
     }
 }

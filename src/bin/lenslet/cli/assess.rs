@@ -9,7 +9,6 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use lenslet_core::container::{self, Capture};
 use lenslet_core::decode;
-use lenslet_core::geometry::Size;
 use lenslet_core::output::{self, Kind};
 use lenslet_core::progress::Observer;
 use lenslet_views::Method;
@@ -212,7 +211,7 @@ fn assess_capture(
     let (calibration, reason) = calibrations.first(&capture, context)?;
     let options = decode::Options { steps: decode::steps_for(&capture), ..decode::Options::default() };
     let samples = decode::sample_views(&capture, calibration, &options, progress)?;
-    let size = Size::from(samples.sensor).with_longer_side(args.size.into());
+    let size = samples.sensor.with_longer_side(args.size.into());
     let wanted = Wanted {
         rays: args.takes(Measure::Rays),
         edges: args.takes(Measure::Edges),

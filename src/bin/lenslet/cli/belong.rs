@@ -5,6 +5,7 @@ use std::path::Path;
 
 use lenslet_core::decode::HexSamples;
 use lenslet_core::geometry::SensorToView;
+use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{ColourSpace, Meta, ViewOrigin, ViewSource, colour};
 use lenslet_views::view_pitch;
@@ -43,7 +44,7 @@ pub fn check_samples(source: &dyn ViewSource, samples: &HexSamples, path: &Path,
         );
     }
     let [height, width] = meta.size;
-    let (sensor_width, sensor_height) = samples.sensor;
+    let Size { width: sensor_width, height: sensor_height } = samples.sensor;
     let aspect = (width as f64 / height as f64) / (sensor_width as f64 / sensor_height as f64);
     // A pixel more or less changes small views by more.
     if (aspect - 1.0).abs() > ROUNDING + 2.0 / width.min(height) as f64 {
@@ -62,7 +63,7 @@ pub fn check_samples(source: &dyn ViewSource, samples: &HexSamples, path: &Path,
     let view = source.read(rows / 2, columns / 2)?;
     let own = samples.view(rows / 2, columns / 2);
     let channels = view.dim().2.min(own.ncols());
-    let map = SensorToView::new(samples.sensor, (width, height));
+    let map = SensorToView::new(samples.sensor, Size::new(width, height));
     // Mean difference, where it is stated to be linear light or sRGB, relative to the mean.
     let off = |space: ColourSpace| {
         let mut view = view.clone();

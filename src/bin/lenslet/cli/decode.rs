@@ -229,7 +229,7 @@ impl Args {
 
     fn target(&self, samples: &HexSamples) -> Size {
         match self.size {
-            SizeChoice::Longer(side) => Size::from(samples.sensor).with_longer_side(side),
+            SizeChoice::Longer(side) => samples.sensor.with_longer_side(side),
             SizeChoice::Exactly(width, height) => Size { width, height },
             SizeChoice::Native => native_size(samples),
         }
@@ -506,7 +506,7 @@ fn describe_views(
     let n = args.views;
     let mut meta = Meta::new([n, n], [target.height, target.width], samples.values.dim().2, args.written.colour());
     meta.weights = Some(samples.weights.clone());
-    meta.pitch = Some(calibration.lattice.pitch() * target.width as f64 / samples.sensor.0 as f64);
+    meta.pitch = Some(calibration.lattice.pitch() * target.width as f64 / samples.sensor.width as f64);
     meta.rotation = Some(calibration.lattice.rotation());
     meta.method = Some(args.method.name().into());
     let name = job.capture.file_name().map(|n| n.to_string_lossy().into_owned());

@@ -95,13 +95,13 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let calibrated = calibrate(&simulation, &made.camera, args.seed, observer)?;
     calibration::save(&root.join("camera.calib"), &calibrated.found, false)?;
     let samples = decode::sample_views(&simulation.capture, &calibrated.found, &decode::Options::default(), observer)?;
-    let mut results = reconstruct(&samples, &Size { width: size.0, height: size.1 }, observer)?;
+    let mut results = reconstruct(&samples, &size, observer)?;
     for result in &mut results {
         result.scores = result.views.iter().zip(&truth).map(|(a, b)| score(a, b)).collect::<anyhow::Result<_>>()?;
     }
     observer.check()?;
     write_pictures(&root, &results, &truth[0])?;
-    let played = play::write(&root, &samples, &Size { width: size.0, height: size.1 }, observer)?;
+    let played = play::write(&root, &samples, &size, observer)?;
     let seconds = began.elapsed().as_secs_f64();
     let json = record(args, &calibrated, &results, seconds);
     let page = page::page(&made, &calibrated, &results, &truth[0], &played)?;

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
+use lenslet_core::geometry::Size;
 use lenslet_core::lightfield::{self, ColourSpace, ViewSource, colour};
 use lenslet_core::metrics::{Alignment, Scores, Window};
 use lenslet_core::progress::Observer;
@@ -73,7 +74,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
             let mut view = read(result.as_ref(), v, u)?;
             let truth = read(reference.as_ref(), v, u)?;
             if let Some(alignment) = &alignment {
-                view = alignment.apply(view.view(), (truth.dim().0, truth.dim().1));
+                view = alignment.apply(view.view(), Size::new(truth.dim().1, truth.dim().0));
             }
             let scores = Scores::between(view.view(), truth.view(), &window)
                 .with_context(|| format!("view ({v}, {u}) of {}", args.result.display()))?;

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use lenslet_core::container::CameraProfile;
+use lenslet_core::geometry::Size;
 use lenslet_core::output::{self, Kind};
 use lenslet_data_gen::simulate::{
     self, Camera, Imperfections, LensletGrid, Optics, Scene, SceneName, SimulationOptions, TruthOptions,
@@ -48,7 +49,7 @@ pub struct Args {
     camera: String,
     /// Sides of the sensor in pixels, even: N or WIDTHxHEIGHT [default: the camera's]
     #[arg(long, value_name = "N", value_parser = parse_sides)]
-    sensor: Option<(usize, usize)>,
+    sensor: Option<Size>,
     /// Longer side of the truth views in pixels
     #[arg(long, default_value_t = 1080, value_name = "N")]
     size: usize,
@@ -114,11 +115,11 @@ enum LightProfile {
 }
 
 /// `n` or `width x height`.
-fn parse_sides(text: &str) -> Result<(usize, usize), String> {
+fn parse_sides(text: &str) -> Result<Size, String> {
     let side = |t: &str| t.parse().map_err(|_| format!("`{text}` is neither N nor WIDTHxHEIGHT"));
     match text.split_once('x') {
-        Some((w, h)) => Ok((side(w)?, side(h)?)),
-        None => side(text).map(|n| (n, n)),
+        Some((w, h)) => Ok(Size::new(side(w)?, side(h)?)),
+        None => side(text).map(|n| Size::new(n, n)),
     }
 }
 
@@ -174,7 +175,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     simulate::write_simulation(&args.out, &scene, &camera, &options, &simulation, &truth, args.force, observer)
         .map_err(usage_or_failure)?;
     let out = args.out.display();
-    let (width, height) = camera.sensor;
+    let Size { width, height } = camera.sensor;
     let inside = simulation.capture.white.is_some();
     let name = simulate::capture_name(&camera);
     let next = if inside {

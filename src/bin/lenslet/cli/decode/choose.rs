@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use lenslet_core::calibration::{self, Calibration, CalibrationOptions};
 use lenslet_core::container::{CameraFacts, Capture, members, whites};
+use lenslet_core::geometry::Size;
 use lenslet_core::progress::Observer;
 
 use crate::cli::{Context, Usage};
@@ -12,7 +13,7 @@ use crate::cli::{Context, Usage};
 /// What is known of one calibration file without keeping it in memory.
 struct StoredCalibration {
     path: PathBuf,
-    size: (usize, usize),
+    size: Size,
     origin: calibration::CalibrationOrigin,
 }
 
@@ -70,7 +71,7 @@ impl CalibrationStore {
 
     fn add(&mut self, path: &Path) -> anyhow::Result<()> {
         let found = calibration::load(path)?;
-        let (size, origin) = ((found.width, found.height), found.origin.clone());
+        let (size, origin) = (Size::new(found.width, found.height), found.origin.clone());
         self.candidates.push(StoredCalibration { path: path.to_path_buf(), size, origin });
         self.last = Some((path.to_path_buf(), found));
         Ok(())
@@ -121,7 +122,7 @@ impl CalibrationStore {
         if let Some(place) = self.whites.clone() {
             return self.load_by_whites(&place, capture, context);
         }
-        let size = (capture.mosaic.width, capture.mosaic.height);
+        let size = Size::new(capture.mosaic.width, capture.mosaic.height);
         let fitting: Vec<&StoredCalibration> = self.candidates.iter().filter(|c| c.size == size).collect();
         let camera = &capture.camera;
         let same = |a: &Option<String>, b: &Option<String>| matches!((a, b), (Some(a), Some(b)) if a == b);
@@ -195,7 +196,7 @@ impl CalibrationStore {
             .map(|c| {
                 let name = c.path.file_name().unwrap_or_default().to_string_lossy();
                 let serial = c.origin.serial.as_deref().unwrap_or("no serial");
-                format!("{name}: {}x{}, {serial}", c.size.0, c.size.1)
+                format!("{name}: {}, {serial}", c.size)
             })
             .collect();
         anyhow::anyhow!(

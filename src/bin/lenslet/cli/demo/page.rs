@@ -24,7 +24,7 @@ pub(super) fn page(
         "From a raw capture to sharp views",
         &format!(
             "A simulated capture of {0}x{0} sensor pixels, reconstructed to views of {1}x{1} by every method and compared with the truth.",
-            camera.sensor.0, size
+            camera.sensor.width, size
         ),
     );
     page.heading("The same view by every method");
@@ -79,7 +79,7 @@ pub(super) fn page(
          lenslet calibrate sim/white-*.lfp --out sim/camera.calib\n\
          lenslet decode sim/capture.lfp --calibration sim/camera.calib {} --size {} --out sim/views\n\
          lenslet score sim/views sim/truth/views --border {BORDER}",
-        camera.sensor.0,
+        camera.sensor.width,
         size,
         seed,
         best.decode_options(),
