@@ -4,6 +4,8 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a test may fail loudly, and say what it skips
 
+#[path = "regression/absent_views.rs"]
+mod absent_views;
 #[path = "regression/batches.rs"]
 mod batches;
 #[path = "regression/bench.rs"]

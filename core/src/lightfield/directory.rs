@@ -1,14 +1,17 @@
 //! Lenslet's directory (`docs/file-formats.md`): `lightfield.json` and `view_VV_UU.png`, 16 bit, row v, column u, from
-//! 00.
+//! 00. A view whose weight is 0 may be absent.
 
+use std::collections::HashSet;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
 use ndarray::Array3;
 
-use super::error::{Error, io_at, malformed, unsupported};
+use super::error::{Error, absent, io_at, malformed, unsupported};
+use super::format::ReadOptions;
 use super::image_file;
 use super::meta::Meta;
-use super::view_io::{ViewSink, ViewSource, check_all_written};
+use super::view_io::{ViewSink, ViewSource, check_all_written, name_places, tell_absent};
 use super::write_queue::WriteQueue;
 use crate::input::read_regular;
 use crate::output::{Pending, write_part};
@@ -59,7 +62,7 @@ impl ViewSink for Writer {
 
     fn finish(mut self: Box<Self>) -> Result<(), Error> {
         self.queue.wait()?;
-        check_all_written(&self.written, self.meta.views[1])?;
+        check_all_written(&self.written, &self.meta)?;
         let Some(pending) = self.pending.take() else { return Ok(()) };
         let path = pending.path().join(DESCRIPTION);
         let text = serde_json::to_string_pretty(&self.meta)
@@ -82,10 +85,13 @@ pub(super) struct Reader {
     meta: Meta,
     /// Bytes of the pictures.
     stored: u64,
+    /// Places without a picture, row by row.
+    absent: Vec<usize>,
+    notes: Vec<String>,
 }
 
 impl Reader {
-    pub(super) fn open(folder: &Path) -> Result<Self, Error> {
+    pub(super) fn open(folder: &Path, options: &ReadOptions) -> Result<Self, Error> {
         let path = folder.join(DESCRIPTION);
         let bytes = read_regular(&path, MAX_DESCRIPTION).map_err(io_at(&path))?;
         let value: serde_json::Value =
@@ -100,19 +106,40 @@ impl Reader {
         let meta: Meta =
             serde_json::from_value(value).map_err(|e| malformed(&path, format!("not a description: {e}")))?;
         meta.check().map_err(|e| malformed(&path, e.to_string()))?;
-        let stored = check_pictures(folder, &meta).map_err(|reason| malformed(&path, reason))?;
-        Ok(Reader { folder: folder.to_path_buf(), meta, stored })
+        let (stored, absent) = check_pictures(folder, &meta).map_err(|reason| malformed(&path, reason))?;
+        let mut notes = Vec::new();
+        if !absent.is_empty() {
+            notes.push(format!("{}: {}", folder.display(), tell_absent(folder, &meta, &absent, options.partial)?));
+        }
+        Ok(Reader { folder: folder.to_path_buf(), meta, stored, absent, notes })
     }
 }
 
-/// Compares the description with the pictures' headers: every view is there, of the size and channels described, and
-/// there are no more of them. Bytes of the pictures together.
-fn check_pictures(folder: &Path, meta: &Meta) -> Result<u64, String> {
+/// Compares the description with the pictures' headers: every view that has a weight is there, all are of the size and
+/// channels described, and there are no more of them. Bytes of the pictures together, and the places without one.
+fn check_pictures(folder: &Path, meta: &Meta) -> Result<(u64, Vec<usize>), String> {
     let [rows, columns] = meta.views;
     let (height, width, channels) = meta.view_shape();
     let described = format!("it describes {rows}x{columns} views of {width}x{height}");
+    let entries = std::fs::read_dir(folder).map_err(|e| e.to_string())?;
+    let there: HashSet<OsString> = entries.flatten().map(|entry| entry.file_name()).collect();
+    let is_there = |k: &usize| there.contains(OsStr::new(&view_name(k / columns, k % columns)));
+    let absent: Vec<usize> = (0..rows * columns).filter(|k| !is_there(k)).collect();
+    let lost: Vec<usize> = absent.iter().copied().filter(|&k| meta.weight(k) > 0.0).collect();
+    if let Some(first) = lost.first() {
+        let name = view_name(first / columns, first % columns);
+        return Err(format!(
+            "{described}, but {} of them are not there ({name}: {}): copy them again, or take {DESCRIPTION} away, so that the \
+             pictures count by their names and the others as absent",
+            lost.len(),
+            name_places(&lost, columns)
+        ));
+    }
+    if absent.len() == rows * columns {
+        return Err(format!("{described}, but none is there"));
+    }
     let mut stored = 0;
-    for k in 0..rows * columns {
+    for k in (0..rows * columns).filter(|k| absent.binary_search(k).is_err()) {
         let path = folder.join(view_name(k / columns, k % columns));
         let shape = image_file::read_shape(&path).map_err(|e| format!("{described}, but {e}"))?;
         if (shape.height, shape.width) != (height, width) {
@@ -131,7 +158,7 @@ fn check_pictures(folder: &Path, meta: &Meta) -> Result<u64, String> {
             return Err(format!("{described}, but there is also {more}"));
         }
     }
-    Ok(stored)
+    Ok((stored, absent))
 }
 
 impl ViewSource for Reader {
@@ -143,8 +170,19 @@ impl ViewSource for Reader {
         Some(self.stored)
     }
 
-    fn read(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {
+    fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    fn is_absent(&self, v: usize, u: usize) -> Result<bool, Error> {
         self.meta.check_place(v, u)?;
+        Ok(self.absent.binary_search(&(v * self.meta.views[1] + u)).is_ok())
+    }
+
+    fn read(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {
+        if self.is_absent(v, u)? {
+            return Err(absent(&self.folder, v, u));
+        }
         let path = self.folder.join(view_name(v, u));
         image_file::read_view(&path, &self.meta)
     }

@@ -30,6 +30,16 @@ pub enum Error {
         /// What is not supported.
         reason: String,
     },
+    /// The view asked for is absent: only views that are there can be read.
+    #[error("{path}: its view in row {row}, column {column} is absent")]
+    Absent {
+        /// Which light field.
+        path: String,
+        /// Row of the view, from 0.
+        row: usize,
+        /// Column of the view, from 0.
+        column: usize,
+    },
     /// A parameter out of range, or a request that cannot be met.
     #[error("{0}")]
     Parameter(String),
@@ -40,6 +50,10 @@ pub enum Error {
 
 pub(super) fn io_at(path: &Path) -> impl FnOnce(std::io::Error) -> Error + '_ {
     move |source| Error::Io { path: path.display().to_string(), source }
+}
+
+pub(super) fn absent(path: &Path, row: usize, column: usize) -> Error {
+    Error::Absent { path: path.display().to_string(), row, column }
 }
 
 pub(super) fn malformed(path: &Path, reason: impl Into<String>) -> Error {

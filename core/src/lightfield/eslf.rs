@@ -110,7 +110,7 @@ impl ViewSink for Writer {
     }
 
     fn finish(self: Box<Self>) -> Result<(), Error> {
-        check_all_written(&self.written, self.meta.views[1])?;
+        check_all_written(&self.written, &self.meta)?;
         let (height, width) = (self.meta.views[0] * self.meta.size[0], self.meta.views[1] * self.meta.size[1]);
         let path = self.pending.path();
         let text = Companion::new(&self.meta, String::new()).to_text()?;

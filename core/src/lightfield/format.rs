@@ -83,7 +83,9 @@ pub struct ReadOptions {
     pub full_scale: Option<f32>,
     /// The order of the axes of arrays; when absent (v, u, t, s, c), (v, u, t, s), or (n, t, s, c) with views in a row.
     pub axes: Option<Axes>,
-    /// Also take folders in which views of a full grid are absent: these have weight 0. Refused when false.
+    /// Also take folders in which views of a full grid are absent: these have weight 0, and cannot be read
+    /// ([`ViewSource::is_absent`](super::ViewSource::is_absent)); read whole ([`load`](super::load)) their values are 0.
+    /// Refused when false.
     pub partial: bool,
     /// Only look at headers: the description is read, numbers are not, and reading views may fail.
     pub header_only: bool,

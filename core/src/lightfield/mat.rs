@@ -456,7 +456,7 @@ impl ViewSink for Writer {
     }
 
     fn finish(self: Box<Self>) -> Result<(), Error> {
-        check_all_written(&self.written, self.meta.views[1])?;
+        check_all_written(&self.written, &self.meta)?;
         let path = self.pending.path().to_path_buf();
         let mut out = BufWriter::new(self.pending.handle()?);
         out.write_all(&file_header(&self.meta, self.values.len())).map_err(io_at(&path))?;

@@ -112,6 +112,12 @@ impl Meta {
         Ok(())
     }
 
+    /// The weight of view `k`, counted row by row; 1 where weights are not known.
+    #[must_use]
+    pub fn weight(&self, k: usize) -> f32 {
+        self.weights.as_ref().and_then(|w| w.get(k)).copied().unwrap_or(1.0)
+    }
+
     /// Shape of one view (t, s, c).
     pub fn view_shape(&self) -> (usize, usize, usize) {
         (self.size[0], self.size[1], self.channels)

@@ -41,18 +41,9 @@ pub(super) struct Arrangement {
 }
 
 impl Arrangement {
-    /// How many views are absent.
-    pub(super) fn missing(&self) -> usize {
-        self.names.iter().filter(|n| n.is_none()).count()
-    }
-
-    /// The first places without a picture.
-    pub(super) fn missing_places(&self) -> String {
-        let absent = self.names.iter().enumerate().filter(|(_, n)| n.is_none()).map(|(k, _)| k);
-        let columns = self.views[1];
-        let some: Vec<String> =
-            absent.take(FEW).map(|k| format!("row {}, column {}", k / columns, k % columns)).collect();
-        format!("{}{}", some.join("; "), if self.missing() > FEW { "; …" } else { "" })
+    /// The places without a picture, row by row.
+    pub(super) fn missing(&self) -> Vec<usize> {
+        (0..self.names.len()).filter(|&k| self.names[k].is_none()).collect()
     }
 
     /// A sentence on the pictures that are no views.

@@ -100,7 +100,7 @@ impl ViewSink for Writer {
 
     fn finish(mut self: Box<Self>) -> Result<(), Error> {
         self.queue.wait()?;
-        check_all_written(&self.written, self.meta.views[1])?;
+        check_all_written(&self.written, &self.meta)?;
         let Some([pending, beside]) = self.pending.take() else { return Ok(()) };
         let (t, s, c) = self.meta.view_shape();
         let length = 4 * (self.written.len() * t * s * c) as u64;

@@ -6,14 +6,14 @@ use std::path::{Path, PathBuf};
 use ndarray::Array3;
 
 use super::colour::ColourSpace;
-use super::error::{Error, io_at, malformed, unsupported};
+use super::error::{Error, absent, io_at, malformed, unsupported};
 use super::format::ReadOptions;
 use super::image_file;
 use super::meta::Meta;
 use super::names::{Arrangement, Order, arrange_names};
 use super::parallax::{Rows, rows_of};
 use super::value_range::PictureRange;
-use super::view_io::ViewSource;
+use super::view_io::{ViewSource, tell_absent};
 use crate::picture_file::{ENDINGS, READ, UNREAD_ENDINGS};
 
 /// Most files looked at in a folder.
@@ -61,15 +61,9 @@ impl Reader {
         meta.check().map_err(|e| malformed(folder, e.to_string()))?;
         let mut notes: Vec<String> = check_order(folder, &found)?.into_iter().collect();
         notes.extend(found.left_out_note());
-        if found.missing() > 0 {
-            let [rows, columns] = found.views;
-            let missing =
-                format!("{} views of {rows}x{columns} are missing ({})", found.missing(), found.missing_places());
-            if !options.partial {
-                let reason = format!("{missing}; depth and refocus take what is there, anything else needs all");
-                return Err(unsupported(folder, reason));
-            }
-            notes.push(format!("{missing}; the others are used"));
+        let missing = found.missing();
+        if !missing.is_empty() {
+            notes.push(tell_absent(folder, &meta, &missing, options.partial)?);
             meta.weights = Some(found.names.iter().map(|n| f32::from(u8::from(n.is_some()))).collect());
         }
         let notes = notes.into_iter().map(|note| format!("{}: {note}", folder.display())).collect();
@@ -90,7 +84,7 @@ impl Reader {
 
 /// Compares an order that follows from a count with the pictures themselves.
 fn check_order(folder: &Path, found: &Arrangement) -> Result<Option<String>, Error> {
-    if found.order == Order::Named || found.missing() > 0 {
+    if found.order == Order::Named || !found.missing().is_empty() {
         return Ok(None);
     }
     let names: Vec<&str> = found.names.iter().flatten().map(String::as_str).collect();
@@ -129,8 +123,13 @@ impl ViewSource for Reader {
         self.meta.check_place(v, u)?;
         match &self.names[v * self.meta.views[1] + u] {
             Some(name) => Ok(self.range.apply(image_file::read_view(&self.folder.join(name), &self.meta)?)),
-            None => Ok(Array3::zeros(self.meta.view_shape())),
+            None => Err(absent(&self.folder, v, u)),
         }
+    }
+
+    fn is_absent(&self, v: usize, u: usize) -> Result<bool, Error> {
+        self.meta.check_place(v, u)?;
+        Ok(self.names[v * self.meta.views[1] + u].is_none())
     }
 }
 

@@ -78,7 +78,7 @@ fn open_any(path: &Path, options: &ReadOptions) -> Result<Box<dyn ViewSource>, E
     let what = std::fs::metadata(path).map_err(io_at(path))?;
     if what.is_dir() {
         return Ok(if path.join(directory::DESCRIPTION).exists() {
-            Box::new(directory::Reader::open(path)?)
+            Box::new(directory::Reader::open(path, options)?)
         } else {
             Box::new(numbered::Reader::open(path, options)?)
         });
@@ -105,7 +105,8 @@ pub fn load(path: &Path, options: &ReadOptions) -> Result<LightField, Error> {
     read_all(&*open(path, options)?, path, options.max_bytes)
 }
 
-/// Reads all views of `source`, the light field at `path`, into memory: at most `max_bytes`, 8 GiB if that is 0.
+/// Reads all views of `source`, the light field at `path`, into memory: at most `max_bytes`, 8 GiB if that is 0. Absent
+/// views are 0, and so is their weight.
 ///
 /// # Errors
 /// As [`load`].
@@ -128,6 +129,9 @@ pub fn read_all(source: &dyn ViewSource, path: &Path, max_bytes: u64) -> Result<
     let mut data = Array5::zeros((rows, columns, t, w, c));
     for v in 0..rows {
         for u in 0..columns {
+            if source.is_absent(v, u)? {
+                continue;
+            }
             data.slice_mut(s![v, u, .., .., ..]).assign(&source.read(v, u)?);
         }
     }

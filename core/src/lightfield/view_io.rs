@@ -4,10 +4,11 @@ use std::path::Path;
 
 use ndarray::Array3;
 
-use super::error::{Error, malformed};
+use super::error::{Error, malformed, unsupported};
 use super::meta::Meta;
 
-/// A light field being written, one view at a time, in any order; complete only after `finish`.
+/// A light field being written, one view at a time, in any order; complete only after `finish`. Views whose weight is 0
+/// may be left out: they are absent then.
 pub trait ViewSink: Send {
     /// Writes view (row `v`, column `u`, counted from 0), shape (t, s, c), values nominally 0..1.
     ///
@@ -37,23 +38,55 @@ pub trait ViewSource: Send + Sync {
     fn stored_bytes(&self) -> Option<u64> {
         None
     }
-    /// Reads view (row `v`, column `u`), shape (t, s, c), values 0..1. Of a view whose weight is 0 because it is absent
-    /// (see [`ReadOptions::partial`](super::ReadOptions)) all values are 0.
+    /// Whether view (row `v`, column `u`) is absent (see [`ReadOptions::partial`](super::ReadOptions)): it has no picture,
+    /// or in an array weight 0 and nothing but zeros.
     ///
     /// # Errors
-    /// When the view is missing or malformed.
+    /// When this cannot be told because the view cannot be read.
+    fn is_absent(&self, v: usize, u: usize) -> Result<bool, Error> {
+        let meta = self.meta();
+        meta.check_place(v, u)?;
+        Ok(meta.weight(v * meta.views[1] + u) <= 0.0 && self.read(v, u)?.iter().all(|x| *x == 0.0))
+    }
+    /// Reads view (row `v`, column `u`), shape (t, s, c), values 0..1.
+    ///
+    /// # Errors
+    /// When the view is absent ([`Error::Absent`]; of an array its zeros are read) or malformed.
     fn read(&self, v: usize, u: usize) -> Result<Array3<f32>, Error>;
 }
 
-/// Fails when a view was never written.
-pub(super) fn check_all_written(written: &[bool], columns: usize) -> Result<(), Error> {
-    match written.iter().position(|&w| !w) {
+/// Fails when a view was never written that has a weight.
+pub(super) fn check_all_written(written: &[bool], meta: &Meta) -> Result<(), Error> {
+    let lacks = |k: usize| !written[k] && meta.weight(k) > 0.0;
+    match (0..written.len()).find(|&k| lacks(k)) {
         None => Ok(()),
         Some(i) => {
-            let missing = written.iter().filter(|&&w| !w).count();
-            let (v, u) = (i / columns, i % columns);
+            let missing = (0..written.len()).filter(|&k| lacks(k)).count();
+            let (v, u) = (i / meta.views[1], i % meta.views[1]);
             Err(Error::Parameter(format!("{missing} views were not written, the first is ({v}, {u})")))
         }
+    }
+}
+
+/// Names in messages.
+/// Source: chosen.
+const FEW: usize = 4;
+
+/// The first of some places (row by row) in a grid of `columns`, for messages.
+pub(super) fn name_places(places: &[usize], columns: usize) -> String {
+    let some: Vec<String> =
+        places.iter().take(FEW).map(|k| format!("row {}, column {}", k / columns, k % columns)).collect();
+    format!("{}{}", some.join("; "), if places.len() > FEW { "; …" } else { "" })
+}
+
+/// What is said of the absent views of a light field, and the refusal where all are needed.
+pub(super) fn tell_absent(path: &Path, meta: &Meta, places: &[usize], partial: bool) -> Result<String, Error> {
+    let [rows, columns] = meta.views;
+    let missing = format!("{} views of {rows}x{columns} are missing ({})", places.len(), name_places(places, columns));
+    if partial {
+        Ok(format!("{missing}; the others are used"))
+    } else {
+        Err(unsupported(path, format!("{missing}; all are needed here")))
     }
 }
 

@@ -45,7 +45,7 @@ impl Enlargement {
 
 /// Reconstructs every view of `source` into `sink`, which takes values in colour space `to`. One view at a time in
 /// memory. With the samples that the views were made of, and the standard deviation of their noise where it is known,
-/// these stay true (see [`DataConsistent`]).
+/// these stay true (see [`DataConsistent`]). Absent views stay absent.
 ///
 /// # Errors
 /// Views that cannot be read or written, samples of other views, a factor out of range, interruption
@@ -89,6 +89,10 @@ pub fn reconstruct_light_field(
     for v in 0..rows {
         for u in 0..columns {
             observer.check()?;
+            if source.is_absent(v, u)? {
+                observer.advance(1);
+                continue;
+            }
             let mut view = source.read(v, u)?;
             colour::convert(&mut view, meta.colour, ColourSpace::Srgb);
             let low = View::<Srgb>::new(enlargement.apply(view)?);

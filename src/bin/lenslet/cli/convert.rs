@@ -4,7 +4,7 @@ use lenslet_core::lightfield::{self, colour};
 use lenslet_core::progress::Observer;
 use serde_json::json;
 
-use super::source::SourceArgs;
+use super::source::{SourceArgs, but_absent};
 use super::values::parse_views;
 use super::written::Written;
 use super::{Context, Outcome, Usage};
@@ -52,25 +52,41 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         "input": args.source.name(), "first_view": first,
     }));
 
+    let mut absent = 0;
     let mut sink = lightfield::create(&args.written.out, meta.clone(), format, args.written.force)?;
     context.progress.begin("converting views", (rows * columns) as u64);
     for v in 0..rows {
         for u in 0..columns {
             context.progress.check()?;
-            let mut view = source.read(first[0] + v, first[1] + u)?;
+            let (row, column) = (first[0] + v, first[1] + u);
+            if source.is_absent(row, column)? {
+                absent += 1;
+                context.progress.advance(1);
+                continue;
+            }
+            let mut view = source.read(row, column)?;
             colour::convert(&mut view, from, meta.colour);
             sink.write(v, u, &view)?;
             context.progress.advance(1);
         }
     }
+    anyhow::ensure!(
+        absent < rows * columns,
+        "{}: all of these {rows}x{columns} views are absent",
+        args.source.input.display()
+    );
     sink.finish()?;
 
     let [height, width] = meta.size;
     let out = args.written.out.display().to_string();
-    let text = format!("{out}: {rows}x{columns} views of {width}x{height}, {} channels, {format}", meta.channels);
+    let text = format!(
+        "{out}: {rows}x{columns} views{} of {width}x{height}, {} channels, {format}",
+        but_absent(absent),
+        meta.channels
+    );
     let json = json!({
         "out": out, "format": format.to_string(), "views": meta.views, "size": meta.size,
-        "channels": meta.channels, "colour": meta.colour,
+        "absent": absent, "channels": meta.channels, "colour": meta.colour,
     });
     Ok(Outcome { json, text })
 }

@@ -12,7 +12,7 @@ use serde_json::json;
 
 use super::belong;
 use super::learned::LearnedArgs;
-use super::source::{SourceArgs, file_name, measured_samples};
+use super::source::{SourceArgs, absent_places, but_absent, file_name, measured_samples};
 use super::written::Written;
 use super::{Context, Outcome, Usage, dict};
 
@@ -54,6 +54,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let given = args.learned.dictionary.as_deref().map(dict::find).transpose()?;
     let source = args.source.open(context)?;
     belong::refuse_learned(source.meta(), &args.source.input)?;
+    let absent = absent_places(&*source)?.len();
     let mut meta = source.meta().clone();
     let footprint = args.learned.footprint();
     // Pixels of another tool are points of a rectangular grid.
@@ -129,11 +130,12 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let ([rows, columns], [height, width]) = (meta.views, meta.size);
     let out = args.written.out.display().to_string();
     let text = format!(
-        "{out}: {rows}x{columns} views of {width}x{height} (enlarged by {scale}) by {predictor}, {seconds:.1} s"
+        "{out}: {rows}x{columns} views{} of {width}x{height} (enlarged by {scale}) by {predictor}, {seconds:.1} s",
+        but_absent(absent)
     );
     let json = json!({
         "out": out, "views": meta.views, "size": meta.size, "scale": scale, "seconds": seconds,
-        "footprint": model.footprint, "mode": mode, "predictor": predictor,
+        "absent": absent, "footprint": model.footprint, "mode": mode, "predictor": predictor,
         "samples": samples.is_some(),
         "dictionary": name.display().to_string(),
     });

@@ -233,7 +233,7 @@ fn calibration_facts(path: &Path) -> anyhow::Result<Value> {
 }
 
 fn light_field(path: &Path, args: &Args) -> anyhow::Result<Value> {
-    let options = ReadOptions { header_only: true, partial: true, ..args.read.options() };
+    let options = ReadOptions { header_only: true, ..args.read.options() };
     let source = lightfield::open(path, &options)?;
     let m = source.meta();
     let one = m.views == [1, 1];

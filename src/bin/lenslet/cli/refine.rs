@@ -15,7 +15,7 @@ use ndarray::Array3;
 use serde_json::json;
 
 use super::belong;
-use super::source::{SourceArgs, measured_samples, note_dark};
+use super::source::{SourceArgs, absent_places, but_absent, measured_samples, need_middle, note_dark};
 use super::values::{FitName, RangeArgs};
 use super::written::Written;
 use super::{Context, Outcome, Usage};
@@ -99,9 +99,12 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         Some(samples) => Given::Samples(samples),
         None => {
             belong::refuse_refined(&described, &args.source.input)?;
+            need_middle(&*source, &args.source.input)?;
             Given::Field(lightfield::read_all(&*source, &args.source.input, 0)?)
         }
     };
+    // From samples every view is made, also one whose picture is absent.
+    let absent = if matches!(given, Given::Field(_)) { absent_places(&*source)? } else { Vec::new() };
     drop(source);
     let (mut meta, from, usual) = match &given {
         Given::Samples(_) => (described, ColourSpace::Linear, 1.0),
@@ -139,7 +142,8 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         colour::convert(&mut pixels, from, to);
         Ok(sink.write(v, u, &pixels)?)
     };
-    let all: Vec<_> = (0..rows * columns).map(|k| (k / columns, k % columns)).collect();
+    let there = (0..rows * columns).filter(|k| absent.binary_search(k).is_err());
+    let all: Vec<_> = there.map(|k| (k / columns, k % columns)).collect();
     let mut options = Options { fit, ..Options::default() };
     // Stated in pixels of the views that are there, searched in those of the result.
     options.disparity.range = args.range.range.map(|(a, b)| (a * scale as f32, b * scale as f32));
@@ -152,10 +156,13 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     sink.finish()?;
     let [height, width] = meta.size;
     let out = args.written.out.display().to_string();
-    let text = format!("{out}: {rows}x{columns} views of {width}x{height} (enlarged by {scale}), {seconds:.1} s");
+    let text = format!(
+        "{out}: {rows}x{columns} views{} of {width}x{height} (enlarged by {scale}), {seconds:.1} s",
+        but_absent(absent.len())
+    );
     let json = json!({
         "out": out, "views": meta.views, "size": meta.size, "scale": scale, "seconds": seconds,
-        "samples": matches!(given, Given::Samples(_)), "fit": fit.name(),
+        "absent": absent.len(), "samples": matches!(given, Given::Samples(_)), "fit": fit.name(),
     });
     Ok(Outcome { json, text })
 }

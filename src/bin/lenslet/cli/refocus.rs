@@ -140,7 +140,8 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     }
     check_animation_name(&args.out, true)?;
     check_pictures(&args.out, args.force, &args.light_field)?;
-    let (field, light) = args.read.load_light(&args.light_field, true, context)?;
+    let from_middle = !matches!(focus, Focus::Disparities(_));
+    let (field, light) = args.read.load_light(&args.light_field, from_middle, context)?;
     let data = field.data.view();
     let [rows, columns] = field.meta.views;
     let aperture = refocus::aperture_weights((rows, columns), args.aperture, args.shape) * &light;

@@ -1,5 +1,6 @@
 //! `lenslet score`: PSNR and SSIM of a light field against another, view by view and in the mean.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
@@ -10,7 +11,7 @@ use lenslet_core::progress::Observer;
 use ndarray::Array3;
 use serde_json::{Map, Value, json};
 
-use super::source::ReadArgs;
+use super::source::{ReadArgs, absent_places};
 use super::values::SsimName;
 use super::{Context, Outcome, Usage};
 
@@ -56,8 +57,18 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         }
         Ok(view)
     };
+    let absent = absent_from_either(result.as_ref(), reference.as_ref())?;
+    // The view nearest to the middle that both have.
+    let off = |k: &usize| (k / columns).abs_diff(rows / 2).pow(2) + (k % columns).abs_diff(columns / 2).pow(2);
+    let Some(middle) = (0..rows * columns).filter(|k| !absent.contains(k)).min_by_key(off) else {
+        anyhow::bail!(
+            "{} and {} have no view in common: of each place one of them is absent",
+            args.result.display(),
+            args.reference.display()
+        );
+    };
     let alignment = if args.align {
-        let (v, u) = (rows / 2, columns / 2);
+        let (v, u) = (middle / columns, middle % columns);
         let (a, b) = (read(result.as_ref(), v, u)?, read(reference.as_ref(), v, u)?);
         Some(
             Alignment::estimate(a.view(), b.view())
@@ -71,6 +82,10 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     for v in 0..rows {
         for u in 0..columns {
             context.progress.check()?;
+            if absent.contains(&(v * columns + u)) {
+                context.progress.advance(1);
+                continue;
+            }
             let mut view = read(result.as_ref(), v, u)?;
             let truth = read(reference.as_ref(), v, u)?;
             if let Some(alignment) = &alignment {
@@ -82,7 +97,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
             context.progress.advance(1);
         }
     }
-    Ok(outcome(&views, if both_linear { "linear" } else { "srgb" }, alignment.as_ref(), args))
+    Ok(outcome(&views, absent.len(), if both_linear { "linear" } else { "srgb" }, alignment.as_ref(), args))
 }
 
 /// Refuses two light fields that cannot be compared, with the reason.
@@ -108,13 +123,26 @@ fn comparable(result: &dyn ViewSource, reference: &dyn ViewSource, args: &Args) 
     Ok(())
 }
 
+/// Places that either of them lacks.
+fn absent_from_either(result: &dyn ViewSource, reference: &dyn ViewSource) -> anyhow::Result<BTreeSet<usize>> {
+    let mut absent: BTreeSet<usize> = absent_places(result)?.into_iter().collect();
+    absent.extend(absent_places(reference)?);
+    Ok(absent)
+}
+
 /// Mean of the finite values, null when there is none.
 fn mean(values: impl Iterator<Item = f64>) -> Value {
     let finite: Vec<f64> = values.filter(|x| x.is_finite()).collect();
     if finite.is_empty() { Value::Null } else { json!(finite.iter().sum::<f64>() / finite.len() as f64) }
 }
 
-fn outcome(views: &[(usize, usize, Scores)], compared: &str, alignment: Option<&Alignment>, args: &Args) -> Outcome {
+fn outcome(
+    views: &[(usize, usize, Scores)],
+    absent: usize,
+    compared: &str,
+    alignment: Option<&Alignment>,
+    args: &Args,
+) -> Outcome {
     let identical = views.iter().filter(|v| v.2.psnr_rgb.is_infinite()).count();
     let of = |pick: fn(&Scores) -> f64| mean(views.iter().map(|v| pick(&v.2)));
     let mean = json!({"psnr_rgb": of(|s| s.psnr_rgb), "psnr_y": of(|s| s.psnr_y), "ssim_y": of(|s| s.ssim_y)});
@@ -132,6 +160,7 @@ fn outcome(views: &[(usize, usize, Scores)], compared: &str, alignment: Option<&
     let mut object = Map::new();
     object.insert("mean".into(), mean.clone());
     object.insert("views".into(), json!(list));
+    object.insert("absent".into(), json!(absent));
     object.insert("compared".into(), json!(compared));
     object.insert("ssim".into(), json!(args.ssim));
     object.insert("border".into(), json!(args.border));
@@ -149,6 +178,9 @@ fn outcome(views: &[(usize, usize, Scores)], compared: &str, alignment: Option<&
         show("psnr_y", " dB", 2),
         show("ssim_y", "", 4)
     );
+    if absent > 0 {
+        text = format!("{text}\n{absent} of {} views are absent and not scored", views.len() + absent);
+    }
     if identical > 0 {
         let note = format!("{identical} of {} views equal their reference; the mean PSNR leaves them out", views.len());
         text = format!("{text}\n{note}");

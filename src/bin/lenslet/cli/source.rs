@@ -46,6 +46,7 @@ impl ReadArgs {
             colour: self.input_linear.then_some(ColourSpace::Linear),
             full_scale: self.full_scale,
             axes: self.axes.clone(),
+            partial: true,
             ..ReadOptions::default()
         }
     }
@@ -55,21 +56,24 @@ impl ReadArgs {
         self.views.is_some()
     }
 
-    /// Opens a light field, and tells what was assumed.
+    /// Opens a light field, of which views may be absent, and tells what was assumed.
     pub fn open(&self, path: &Path, context: &Context) -> anyhow::Result<Box<dyn ViewSource>> {
         opened(path, &self.options(), context)
     }
 
     /// Reads a whole light field in linear light, its dim views brightened; the weight of each view, 0 for those that are
-    /// dark. `partial`: views may be absent.
+    /// dark or absent. `from_middle`: what follows starts from the middle view, which must be there.
     pub fn load_light(
         &self,
         path: &Path,
-        partial: bool,
+        from_middle: bool,
         context: &Context,
     ) -> anyhow::Result<(LightField, Array2<f32>)> {
         context.progress.begin("reading", 0);
-        let source = opened(path, &ReadOptions { partial, ..self.options() }, context)?;
+        let source = opened(path, &self.options(), context)?;
+        if from_middle {
+            need_middle(&*source, path)?;
+        }
         let mut field = lightfield::read_all(&*source, path, 0)?;
         context.progress.check()?;
         to_linear_light(&mut field);
@@ -98,6 +102,35 @@ fn refuse_capture(path: &Path) -> anyhow::Result<()> {
         path.display()
     );
     Ok(())
+}
+
+/// Refuses a light field whose middle view is absent, for work that starts from it.
+pub fn need_middle(source: &dyn ViewSource, path: &Path) -> anyhow::Result<()> {
+    let [rows, columns] = source.meta().views.map(|n| n / 2);
+    anyhow::ensure!(
+        !source.is_absent(rows, columns)?,
+        "{}: the view in the middle (row {rows}, column {columns}) is absent, and this starts from it; add it, or give a folder \
+         of those views alone that surround one that is there",
+        path.display()
+    );
+    Ok(())
+}
+
+/// The places of absent views, row by row.
+pub fn absent_places(source: &dyn ViewSource) -> anyhow::Result<Vec<usize>> {
+    let [rows, columns] = source.meta().views;
+    let mut absent = Vec::new();
+    for k in 0..rows * columns {
+        if source.is_absent(k / columns, k % columns)? {
+            absent.push(k);
+        }
+    }
+    Ok(absent)
+}
+
+/// What a result lacks, after its number of views; nothing where it is whole.
+pub fn but_absent(absent: usize) -> String {
+    if absent == 0 { String::new() } else { format!(" ({absent} absent)") }
 }
 
 /// Says how many views are too dark to be used.
