@@ -26,6 +26,8 @@ mod folders;
 mod kept_files;
 #[path = "regression/light.rs"]
 mod light;
+#[path = "regression/other_kinds.rs"]
+mod other_kinds;
 #[path = "regression/small_files.rs"]
 mod small_files;
 #[path = "regression/streams.rs"]

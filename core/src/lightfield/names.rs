@@ -285,7 +285,7 @@ mod tests {
         names.reverse();
         let found = arrange_names(names, wanted)?;
         let missing = found.missing();
-        Ok((found.views, found.names.into_iter().flatten().collect(), missing))
+        Ok((found.views, found.names.into_iter().flatten().collect(), missing.len()))
     }
 
     #[test]
@@ -374,7 +374,7 @@ mod tests {
         let mut names: Vec<String> = (0..3).flat_map(|r| (0..3).map(move |c| format!("v{r}_{c}.png"))).collect();
         names.remove(5);
         let found = arrange_names(names, None).unwrap();
-        assert_eq!((found.views, found.missing(), found.missing_places().as_str()), ([3, 3], 1, "row 1, column 2"));
+        assert_eq!((found.views, found.missing()), ([3, 3], vec![5]));
         // A row that is wholly absent.
         let names = [0, 1, 3, 4].into_iter().flat_map(|r| (0..5).map(move |c| format!("v{r}_{c}.png")));
         assert_eq!(arranged(names, None).map(|(views, _, missing)| (views, missing)).unwrap(), ([5, 5], 5));

@@ -60,6 +60,12 @@ pub enum Error {
         /// Which file.
         path: PathBuf,
     },
+    /// The folders hold no photo.
+    #[error("{places}: no photo there (PNG, JPEG, TIFF, BMP or PNM)")]
+    NoPhoto {
+        /// Where photos were looked for.
+        places: String,
+    },
     /// None of the files can be used.
     #[error("none of {count} files is a usable photo: {skipped}")]
     NoUsablePhoto {

@@ -34,9 +34,14 @@ impl PhotoSet {
     /// Files as given, and the photos inside folders as given; their values are sRGB-encoded or linear.
     ///
     /// # Errors
-    /// As [`find_photos`].
+    /// As [`find_photos`], and [`Error::NoPhoto`].
     pub fn find(inputs: &[PathBuf], encoding: ColourSpace) -> Result<PhotoSet, Error> {
-        Ok(PhotoSet { files: find_photos(inputs)?, encoding })
+        let files = find_photos(inputs)?;
+        if files.is_empty() {
+            let places: Vec<String> = inputs.iter().map(|p| p.display().to_string()).collect();
+            return Err(Error::NoPhoto { places: places.join(", ") });
+        }
+        Ok(PhotoSet { files, encoding })
     }
 
     /// Number of files, usable or not.

@@ -9,6 +9,7 @@ use crate::ablation::{
 use lenslet_core::output::{self, Kind};
 use serde_json::json;
 
+use super::inputs::{Input, each};
 use super::written::check_folder_name;
 use super::{Context, Outcome, Usage, dict};
 
@@ -92,6 +93,22 @@ impl Args {
             None if !self.whites.is_empty() => CalibratedBy::Whites(self.whites.clone()),
             None => CalibratedBy::Nothing,
         }
+    }
+}
+
+impl Args {
+    /// What is given, and what it must be.
+    pub fn inputs(&self) -> Vec<(&Path, Input)> {
+        let calibration = self.calibration.as_deref().map(|p| (p, Input::CalibrationFile));
+        let truth = self.peer.iter().map(|p| &p.1).chain(&self.truth).map(|p| (p.as_path(), Input::LightField));
+        each(&self.whites, Input::WhiteImage)
+            .chain(each(&self.from_captures, Input::CaptureFile))
+            .chain(each(&self.captures, Input::CaptureFile))
+            .chain(each(&self.dictionary, Input::Dictionary))
+            .chain(each(&self.photos, Input::Photos))
+            .chain(calibration)
+            .chain(truth)
+            .collect()
     }
 }
 

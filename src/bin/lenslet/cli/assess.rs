@@ -15,6 +15,7 @@ use lenslet_views::Method;
 use lenslet_views::assess::{compare_calibrations, parse_lines};
 use serde_json::json;
 
+use super::inputs::{Input, each};
 use super::{Context, Outcome, Usage};
 use calibrations::Calibrations;
 use measured::{Assessment, Wanted, measure_methods};
@@ -161,6 +162,18 @@ impl Args {
     fn methods(&self) -> Vec<MethodName> {
         let named = |m: &MethodName| self.method.contains(m) || m.name() == "barycentric";
         (0..METHODS.len()).map(MethodName).filter(named).collect()
+    }
+}
+
+impl Args {
+    /// What is given, and what it must be.
+    pub fn inputs(&self) -> Vec<(&Path, Input)> {
+        each(&self.captures, Input::CaptureFile)
+            .chain(each(&self.calibration, Input::Calibrations))
+            .chain(each(&self.white, Input::WhiteImage))
+            .chain(each(&self.from_captures, Input::CaptureFile))
+            .chain(self.lines.as_deref().map(|p| (p, Input::Text)))
+            .collect()
     }
 }
 

@@ -11,6 +11,7 @@ use lenslet_core::output::{self, Kind};
 use lenslet_core::progress::{Observer, Silent};
 use serde_json::{Value, json};
 
+use super::inputs::{Input, each};
 use super::written::check_file_name;
 use super::{Context, Outcome};
 use crate::report::calibration_figures;
@@ -63,6 +64,16 @@ pub struct Args {
     dump: Option<PathBuf>,
 }
 
+impl Args {
+    /// What is given, and what it must be.
+    pub fn inputs(&self) -> Vec<(&Path, Input)> {
+        let files = each(&self.whites, Input::WhiteImage);
+        let files =
+            files.chain(each(&self.from_captures, Input::CaptureFile)).chain(each(&self.black, Input::WhiteImage));
+        files.chain(self.bundle.as_deref().map(|p| (p, Input::Bundle))).collect()
+    }
+}
+
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if let Some(place) = &args.bundle {
         return bundle(args, place, context);
@@ -77,12 +88,6 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     }
     if let Some(folder) = &args.dump {
         output::check_target(folder, Kind::Directory, args.force, &inputs)?;
-    }
-    if let Some(folder) = given.iter().find(|p| p.is_dir()) {
-        anyhow::bail!(
-            "{0}: a folder, files are needed: give the files in it, or, for a camera's calibration folder, `--bundle {0}`",
-            folder.display()
-        );
     }
     let (paths, captures) = calibration::open_captures(given, args.profile.as_deref(), &context.progress)?;
     let options = CalibrationOptions {

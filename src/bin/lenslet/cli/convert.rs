@@ -3,7 +3,9 @@
 use lenslet_core::lightfield::{self, colour};
 use lenslet_core::progress::Observer;
 use serde_json::json;
+use std::path::Path;
 
+use super::inputs::Input;
 use super::source::{SourceArgs, but_absent};
 use super::values::parse_views;
 use super::written::Written;
@@ -26,6 +28,13 @@ pub struct Args {
     /// Keep only the N (or ROWSxCOLUMNS) views in the middle
     #[arg(long, value_name = "N", value_parser = parse_views)]
     crop_views: Option<[usize; 2]>,
+}
+
+impl Args {
+    /// What is given, and what it must be.
+    pub fn inputs(&self) -> Vec<(&Path, Input)> {
+        vec![self.source.as_input()]
+    }
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {

@@ -24,6 +24,7 @@ use lenslet_views::reconstruct::{self, Available, Plan};
 use lenslet_views::{Learned, Method, Renderer, native_size};
 use serde_json::{Value, json};
 
+use super::inputs::{Input, each};
 use super::learned::LearnedArgs;
 use super::source::file_name;
 use super::values::FitName;
@@ -308,6 +309,14 @@ impl Args {
                 Ok(interpolated.learned_with(Learned { dictionary, options }))
             }
         }
+    }
+}
+
+impl Args {
+    /// What is given, and what it must be.
+    pub fn inputs(&self) -> Vec<(&Path, Input)> {
+        let calibration = self.calibration.as_deref().map(|p| (p, Input::Calibrations));
+        each(&self.captures, Input::Captures).chain(calibration).chain(self.learned.inputs()).collect()
     }
 }
 

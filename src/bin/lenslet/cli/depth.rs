@@ -15,6 +15,7 @@ use ndarray::{Array2, s};
 use ndarray_npy::ReadNpyExt as _;
 use serde_json::{Value, json};
 
+use super::inputs::Input;
 use super::source::ReadArgs;
 use super::values::RangeArgs;
 use super::written::check_folder_name;
@@ -61,6 +62,14 @@ pub struct Args {
     /// Replace what is there
     #[arg(long)]
     force: bool,
+}
+
+impl Args {
+    /// What is given, and what it must be.
+    pub fn inputs(&self) -> Vec<(&Path, Input)> {
+        let truth = self.truth.as_deref().map(|p| (p, Input::Map));
+        std::iter::once((self.light_field.as_path(), Input::LightField)).chain(truth).collect()
+    }
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {

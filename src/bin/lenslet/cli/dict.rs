@@ -7,6 +7,7 @@ use lenslet_core::output::{self, Kind};
 use lenslet_views::reconstruct;
 use serde_json::{Value, json};
 
+use super::inputs::Input;
 use super::{Context, Outcome, Usage};
 
 /// Look into dictionaries and export them
@@ -125,6 +126,15 @@ pub fn describe(dictionary: &Dictionary) -> (Value, String) {
     }
     let json = json!({ "kind": "dictionary", "models": models, "recipe": dictionary.recipe });
     (json, text)
+}
+
+impl Args {
+    /// What is given, and what it must be.
+    pub fn inputs(&self) -> Vec<(&Path, Input)> {
+        match &self.action {
+            Action::Show { dictionary } | Action::Export { dictionary, .. } => vec![(dictionary, Input::Dictionary)],
+        }
+    }
 }
 
 pub fn run(args: &Args, _context: &Context) -> anyhow::Result<Outcome> {

@@ -1,6 +1,6 @@
 //! `lenslet extract`: what a container or calibration bundle holds, as files.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use lenslet_core::container::extract;
 use lenslet_core::output::{self, Kind};
@@ -8,6 +8,7 @@ use lenslet_core::progress::Observer;
 use serde_json::json;
 
 use super::info::clean;
+use super::inputs::Input;
 use super::written::check_folder_name;
 use super::{Context, Outcome};
 
@@ -27,6 +28,13 @@ pub struct Args {
     /// Replace an existing folder
     #[arg(short, long)]
     force: bool,
+}
+
+impl Args {
+    /// What is given, and what it must be.
+    pub fn inputs(&self) -> Vec<(&Path, Input)> {
+        vec![(self.file.as_path(), Input::Container)]
+    }
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {

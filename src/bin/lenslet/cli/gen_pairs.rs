@@ -10,6 +10,7 @@ use lenslet_data_gen::pairs::{self, Crop, CropOptions, Degradation, Manifest, Pa
 use lenslet_data_gen::photo::PhotoSet;
 use serde_json::json;
 
+use super::inputs::{Input, each};
 use super::values::FootprintName;
 use super::written::check_folder_name;
 use super::{Context, Outcome, Usage};
@@ -62,6 +63,13 @@ pub struct Args {
     /// Replace an existing folder
     #[arg(long)]
     force: bool,
+}
+
+impl Args {
+    /// What is given, and what it must be.
+    pub fn inputs(&self) -> Vec<(&Path, Input)> {
+        each(&self.photos, Input::Photos).collect()
+    }
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {

@@ -1,6 +1,6 @@
 //! `lenslet infer`: learned reconstruction of a light field.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use lenslet_core::dictionary::Footprint;
@@ -11,6 +11,7 @@ use lenslet_views::reconstruct::{self, Available, Enlargement, Options, Reconstr
 use serde_json::json;
 
 use super::belong;
+use super::inputs::Input;
 use super::learned::LearnedArgs;
 use super::source::{SourceArgs, absent_places, but_absent, file_name, measured_samples};
 use super::written::Written;
@@ -40,6 +41,13 @@ pub struct Args {
     without_samples: bool,
     #[command(flatten)]
     learned: LearnedArgs,
+}
+
+impl Args {
+    /// What is given, and what it must be.
+    pub fn inputs(&self) -> Vec<(&Path, Input)> {
+        std::iter::once(self.source.as_input()).chain(self.learned.inputs()).collect()
+    }
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {

@@ -16,6 +16,7 @@ use lenslet_core::lightfield::{self, ReadOptions};
 use lenslet_core::progress::Observer;
 use serde_json::{Map, Value, json};
 
+use super::inputs::explain_folder;
 use super::source::ReadArgs;
 use super::{Context, Outcome};
 
@@ -281,7 +282,9 @@ fn folder(path: &Path, args: &Args) -> anyhow::Result<Value> {
     if images["images"].as_array().is_some_and(|i| !i.is_empty()) {
         return Ok(images);
     }
-    light_field(path, args).context("neither a light field nor a folder of calibration images")
+    light_field(path, args).with_context(|| {
+        format!("{}: neither a light field nor calibration images: {}", path.display(), explain_folder(path))
+    })
 }
 
 fn metadata_facts(path: &Path) -> anyhow::Result<Value> {

@@ -1,11 +1,12 @@
 //! Options of learned reconstruction: the same for every command that does it.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use lenslet_core::dictionary::Footprint;
 use lenslet_views::reconstruct::{self, Mode};
 
 use super::Usage;
+use super::inputs::Input;
 use super::values::{FootprintName, PredictorName};
 
 /// How views are reconstructed with a dictionary.
@@ -44,6 +45,11 @@ pub struct LearnedArgs {
 }
 
 impl LearnedArgs {
+    /// What is given, and what it must be.
+    pub fn inputs(&self) -> impl Iterator<Item = (&Path, Input)> {
+        self.dictionary.as_deref().map(|p| (p, Input::Dictionary)).into_iter()
+    }
+
     /// Refuses values out of range.
     pub fn check(&self) -> Result<(), Usage> {
         if self.lambda.is_some_and(|l| !(0.0..=1.0).contains(&l)) || self.step == Some(0) {

@@ -15,6 +15,7 @@ mod extract;
 mod gen_pairs;
 mod infer;
 mod info;
+mod inputs;
 mod learned;
 mod progress;
 mod refine;
@@ -31,11 +32,13 @@ mod view;
 mod viewpoint;
 mod written;
 
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::error::{ContextKind, ContextValue};
 use clap::{Parser, Subcommand};
 pub use context::{Context, Outcome, Usage};
+use inputs::Input;
 use lenslet_core::progress::Observer as _;
 use progress::Progress;
 use streams::tell;
@@ -88,6 +91,31 @@ enum Command {
 }
 
 impl Command {
+    /// What the user gives it, and what that must be.
+    fn inputs(&self) -> Vec<(&Path, Input)> {
+        match self {
+            // Without an input, or for any.
+            Command::Demo(_) | Command::Info(_) => Vec::new(),
+            Command::Extract(a) => a.inputs(),
+            Command::Simulate(a) => a.inputs(),
+            Command::Calibrate(a) => a.inputs(),
+            Command::Decode(a) => a.inputs(),
+            Command::Convert(a) => a.inputs(),
+            Command::GenPairs(a) => a.inputs(),
+            Command::TrainDict(a) => a.inputs(),
+            Command::Dict(a) => a.inputs(),
+            Command::Refine(a) => a.inputs(),
+            Command::Infer(a) => a.inputs(),
+            Command::Score(a) => a.inputs(),
+            Command::Ablate(a) => a.inputs(),
+            Command::Assess(a) => a.inputs(),
+            Command::Refocus(a) => a.inputs(),
+            Command::Depth(a) => a.inputs(),
+            Command::Viewpoint(a) => a.inputs(),
+            Command::View(a) => a.inputs(),
+        }
+    }
+
     /// Whether it multiplies matrices, which takes addresses.
     fn multiplies(&self) -> bool {
         !matches!(
@@ -98,6 +126,7 @@ impl Command {
 }
 
 fn dispatch(command: &Command, context: &Context) -> anyhow::Result<Outcome> {
+    inputs::check(command.inputs())?;
     match command {
         Command::Demo(a) => demo::run(a, context),
         Command::Info(a) => info::run(a, context),

@@ -1,5 +1,6 @@
 //! `lenslet refine`: multi-view refinement of a light field.
 
+use std::path::Path;
 use std::time::Instant;
 
 use anyhow::Context as _;
@@ -15,6 +16,7 @@ use ndarray::Array3;
 use serde_json::json;
 
 use super::belong;
+use super::inputs::Input;
 use super::source::{SourceArgs, absent_places, but_absent, measured_samples, need_middle, note_dark};
 use super::values::{FitName, RangeArgs};
 use super::written::Written;
@@ -86,6 +88,13 @@ enum FootprintName {
     Box,
     /// A disc as wide as samples are apart
     Disc,
+}
+
+impl Args {
+    /// What is given, and what it must be.
+    pub fn inputs(&self) -> Vec<(&Path, Input)> {
+        vec![self.source.as_input()]
+    }
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {

@@ -11,6 +11,7 @@ use lenslet_views::disparity;
 use ndarray::{Array2, Array3};
 use serde_json::json;
 
+use super::inputs::Input;
 use super::source::ReadArgs;
 use super::values::RangeArgs;
 use super::written::check_animation_name;
@@ -127,6 +128,13 @@ pub fn write_pictures(out: &Path, force: bool, pictures: &[Picture], delay: u16,
         }
     }
     Ok(())
+}
+
+impl Args {
+    /// What is given, and what it must be.
+    pub fn inputs(&self) -> Vec<(&Path, Input)> {
+        vec![(self.light_field.as_path(), Input::LightField)]
+    }
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {

@@ -11,6 +11,7 @@ use lenslet_core::progress::Observer;
 use ndarray::Array3;
 use serde_json::{Map, Value, json};
 
+use super::inputs::Input;
 use super::source::{ReadArgs, absent_places};
 use super::values::SsimName;
 use super::{Context, Outcome, Usage};
@@ -40,6 +41,13 @@ pub struct Args {
     align: bool,
     #[command(flatten)]
     read: ReadArgs,
+}
+
+impl Args {
+    /// What is given, and what it must be.
+    pub fn inputs(&self) -> Vec<(&Path, Input)> {
+        [&self.result, &self.reference].map(|p| (p.as_path(), Input::LightField)).to_vec()
+    }
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {

@@ -10,6 +10,7 @@ use lenslet_data_gen::simulate::{
 };
 use serde_json::json;
 
+use super::inputs::{Input, each};
 use super::written::check_folder_name;
 use super::{Context, Outcome, Usage};
 
@@ -135,6 +136,13 @@ pub fn usage_or_failure(error: simulate::Error) -> anyhow::Error {
     match error {
         simulate::Error::Parameter(text) => Usage(text).into(),
         other => other.into(),
+    }
+}
+
+impl Args {
+    /// What is given, and what it must be.
+    pub fn inputs(&self) -> Vec<(&Path, Input)> {
+        each(&self.photo, Input::PhotoFile).collect()
     }
 }
 

@@ -1,17 +1,15 @@
 //! Where a light field comes from and how it is read: the options that every command with such an input shares.
 
-use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use lenslet::apps::{even_out_light, to_linear_light};
-use lenslet_core::container::segments::MAGIC;
 use lenslet_core::decode::{HexSamples, SamplesOrigin, find_samples_file, samples_beside, view_fingerprint};
-use lenslet_core::input::open_regular;
 use lenslet_core::lightfield::{self, Axes, ColourSpace, LightField, ReadOptions, ViewSource};
 use lenslet_core::progress::Observer as _;
 use ndarray::Array2;
 
 use super::Context;
+use super::inputs::Input;
 use super::values::{finite, parse_views};
 
 /// How a light field without a description is read.
@@ -84,24 +82,9 @@ impl ReadArgs {
 }
 
 fn opened(path: &Path, options: &ReadOptions, context: &Context) -> anyhow::Result<Box<dyn ViewSource>> {
-    refuse_capture(path)?;
     let source = lightfield::open(path, options)?;
     source.notes().iter().for_each(|note| context.progress.note(note));
     Ok(source)
-}
-
-/// Refuses a capture that is not decoded yet.
-fn refuse_capture(path: &Path) -> anyhow::Result<()> {
-    let mut head = [0u8; MAGIC.len()];
-    let read = open_regular(path).and_then(|(mut file, _)| file.read_exact(&mut head));
-    let ending = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
-    let raw = path.is_file() && matches!(ending.as_deref(), Some("raw" | "lfp" | "lfr"));
-    anyhow::ensure!(
-        !(raw || (read.is_ok() && head == MAGIC)),
-        "{0}: a raw capture, not a light field; decode it first: `lenslet decode {0} --calibration CAM.calib --out OUT.lf`",
-        path.display()
-    );
-    Ok(())
 }
 
 /// Refuses a light field whose middle view is absent, for work that starts from it.
@@ -151,6 +134,11 @@ pub struct SourceArgs {
 }
 
 impl SourceArgs {
+    /// What is given, and what it must be.
+    pub fn as_input(&self) -> (&Path, Input) {
+        (&self.input, Input::LightField)
+    }
+
     /// Opens it, and tells what was assumed.
     pub fn open(&self, context: &Context) -> anyhow::Result<Box<dyn ViewSource>> {
         self.read.open(&self.input, context)

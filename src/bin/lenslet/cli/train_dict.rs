@@ -12,6 +12,7 @@ use lenslet_data_gen::pairs::CameraLattice;
 use lenslet_train::{Algorithm, Coupling, KsvdUpdate, Parameters, train_dictionary, train_on_crops};
 use serde_json::json;
 
+use super::inputs::{Input, each};
 use super::values::{AlgorithmName, FootprintName, KsvdUpdateName, TrainingBase};
 use super::written::check_file_name;
 use super::{Context, Outcome, Usage, train_report};
@@ -200,6 +201,15 @@ impl EpochLog<'_> {
         // From now on it is this run's own.
         self.replace = true;
         Ok(())
+    }
+}
+
+impl Args {
+    /// What is given, and what it must be.
+    pub fn inputs(&self) -> Vec<(&Path, Input)> {
+        let parameters = self.parameters.as_deref().map(|p| (p, Input::Text));
+        let calibration = self.calibration.as_deref().map(|p| (p, Input::CalibrationFile));
+        each(&self.photos, Input::Photos).chain(parameters).chain(calibration).collect()
     }
 }
 

@@ -11,6 +11,7 @@ use lenslet_views::disparity;
 use lenslet_views::multiview::depth_order_of;
 use serde_json::json;
 
+use super::inputs::{Input, each};
 use super::source::ReadArgs;
 use super::values::RangeArgs;
 use super::written::check_page_name;
@@ -80,6 +81,13 @@ fn labels(paths: &[PathBuf]) -> Vec<String> {
 fn made_by(meta: &Meta) -> Option<String> {
     let method = meta.method.as_ref()?.name();
     Some(meta.predictor.as_ref().map_or_else(|| method.to_owned(), |predictor| format!("{method}: {predictor}")))
+}
+
+impl Args {
+    /// What is given, and what it must be.
+    pub fn inputs(&self) -> Vec<(&Path, Input)> {
+        each(&self.light_fields, Input::LightField).collect()
+    }
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {

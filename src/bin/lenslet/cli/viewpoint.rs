@@ -1,6 +1,6 @@
 //! `lenslet viewpoint`: an animation of the viewpoint moving.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use lenslet::apps::fill_dark_views;
 use lenslet::apps::viewpoint::{self, ViewpointPath};
@@ -10,6 +10,7 @@ use lenslet_views::disparity;
 use lenslet_views::multiview::depth_order_of;
 use serde_json::json;
 
+use super::inputs::Input;
 use super::refocus::{check_pictures, ending, write_pictures};
 use super::source::ReadArgs;
 use super::values::RangeArgs;
@@ -51,6 +52,13 @@ pub struct Args {
     /// Replace what is there
     #[arg(long)]
     force: bool,
+}
+
+impl Args {
+    /// What is given, and what it must be.
+    pub fn inputs(&self) -> Vec<(&Path, Input)> {
+        vec![(self.light_field.as_path(), Input::LightField)]
+    }
 }
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {

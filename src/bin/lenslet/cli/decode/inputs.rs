@@ -35,9 +35,6 @@ pub struct Jobs {
 
 /// The jobs of a call.
 pub fn jobs(inputs: &[PathBuf], written: &Written) -> anyhow::Result<Jobs> {
-    for input in inputs {
-        refuse_light_field(input)?;
-    }
     let several = inputs.len() > 1 || inputs.iter().any(|p| p.is_dir());
     if several {
         let (jobs, left_out) = each(inputs, &written.out, written.format_of_each())?;
@@ -46,19 +43,6 @@ pub fn jobs(inputs: &[PathBuf], written: &Written) -> anyhow::Result<Jobs> {
     let format = written.format()?;
     let job = |p: &PathBuf| Job { capture: p.clone(), out: written.out.clone(), format };
     Ok(Jobs { jobs: inputs.iter().map(job).collect(), several, left_out: Vec::new() })
-}
-
-/// Refuses what is decoded already, by its description or its ending.
-fn refuse_light_field(path: &Path) -> anyhow::Result<()> {
-    let ending = path.extension().is_some_and(|e| ["npy", "mat"].iter().any(|own| e.eq_ignore_ascii_case(own)));
-    let decoded = path.join("lightfield.json").is_file() || (ending && path.is_file());
-    anyhow::ensure!(
-        !decoded,
-        "{0}: a light field, not a capture: it is decoded already; look at it with `lenslet view {0} --out page.html`, or \
-         convert it with `lenslet convert`",
-        path.display()
-    );
-    Ok(())
 }
 
 /// What the files left out are, with their numbers.
