@@ -252,7 +252,8 @@ fn a_bundle_gives_one_calibration_a_zoom() {
     let empty = dir.path().join("empty");
     fs::create_dir(&empty).unwrap();
     assert!(
-        refused(&["calibrate", "--bundle", text(&empty), "--out", text(&dir.path().join("x"))], 1).contains("no white")
+        refused(&["calibrate", "--bundle", text(&empty), "--out", text(&dir.path().join("x"))], 1)
+            .contains("give one with white images")
     );
     assert!(!dir.path().join("x").exists());
 }

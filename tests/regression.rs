@@ -18,6 +18,8 @@ mod containers;
 mod disparity;
 #[path = "regression/exports.rs"]
 mod exports;
+#[path = "regression/extremes.rs"]
+mod extremes;
 #[path = "regression/fields.rs"]
 mod fields;
 #[path = "regression/folders.rs"]

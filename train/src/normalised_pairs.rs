@@ -9,6 +9,10 @@ use crate::error::Error;
 use crate::parameters::Parameters;
 use crate::regression::ridge_regressor;
 
+/// Pairs that any dictionary needs.
+/// Source: chosen.
+const LEAST_PAIRS: usize = 100;
+
 /// Pairs ready for learning.
 pub struct NormalisedPairs {
     /// Filters of the features, m×(window+4)².
@@ -50,12 +54,17 @@ pub fn prepare_pairs(
         ..PatchOptions::default()
     };
     let pairs = pairs::extract_pairs(crops, &filters, &[filters.nrows()], &options)?;
-    if pairs.features.nrows() < d.atoms.max(anchors).max(100) {
-        return Err(Error::TooLittle(format!(
-            "{} textured patches are too few for {} atoms: give more or larger photos, or fewer --atoms",
-            pairs.features.nrows(),
-            d.atoms.max(anchors)
-        )));
+    let found = pairs.features.nrows();
+    for (needed, what, fewer) in [
+        (d.atoms, format!("{} atoms", d.atoms), ", or fewer --atoms"),
+        (anchors, format!("{anchors} anchors"), ", or fewer --anchors"),
+        (LEAST_PAIRS, format!("any dictionary ({LEAST_PAIRS} are needed)"), ""),
+    ] {
+        if found < needed {
+            return Err(Error::TooLittle(format!(
+                "{found} textured patches are too few for {what}: give more or larger photos, more --pairs{fewer}"
+            )));
+        }
     }
     let floor = options.min_norm;
     let ridge = ridge_regressor(pairs.features.view(), pairs.residuals.view(), None)?;

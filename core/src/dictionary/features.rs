@@ -170,7 +170,10 @@ pub fn learn_filters(
         return Err(Error::Parameter(format!("moments of shape {:?} for a window of {window}", moments.dim())));
     }
     if features == 0 || features > operator.nrows() {
-        return Err(Error::Parameter(format!("{features} features of a window of {window} pixels")));
+        return Err(Error::Parameter(format!(
+            "{features} features of a window of {window} pixels: it has 1 to {}",
+            operator.nrows()
+        )));
     }
     let (components, kept) = components(&operator.dot(&moments).dot(&operator.t()), features)?;
     let mut filters = components.dot(&operator);

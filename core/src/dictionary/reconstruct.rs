@@ -51,7 +51,10 @@ impl PlaneReconstructor {
             _ => parts.patch,
         };
         if options.step == 0 || options.step > patch {
-            return Err(Error::Parameter(format!("a step of {} pixels between patches of {patch}", options.step)));
+            return Err(Error::Parameter(format!(
+                "a step of {} pixels between patches of {patch}: it must be 1 to {patch}",
+                options.step
+            )));
         }
         let model = Arc::new(model.clone());
         let predictor = predict::prepare(&model, options)?;

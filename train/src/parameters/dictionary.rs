@@ -46,7 +46,7 @@ pub enum Coupling {
 /// | `atoms` | 512 | atoms K | 2 … 8192 |
 /// | `patch` | 9 | side of a residual patch, pixels | odd, 3 … 25, at most window + 4 |
 /// | `window` | 9 | side of the window whose gradients are features, pixels | odd, 3 … 25 |
-/// | `features` | 48 | principal components kept | 2 … (window+4)² − 1 |
+/// | `features` | 48 | principal components kept | 2 … (window+4)² − 1, at most 4·window² |
 /// | `lambda` | 0.2 | λ of eq. (3) and (4), relative to unit features | 0.001 … 0.9 |
 /// | `nonzeros` | 4 | most non-zeros of a pair's code in K-SVD | 1 … 64 |
 /// | `algorithm` | online | how atoms are learned: ksvd, online, ista | |
@@ -89,12 +89,18 @@ impl Default for DictionaryParameters {
 }
 
 impl DictionaryParameters {
+    /// Most features of a window: its gradients are as many numbers, of as many pixels less their mean.
+    #[must_use]
+    pub fn most_features(window: usize) -> usize {
+        ((window + 4).pow(2) - 1).min(4 * window.pow(2))
+    }
+
     pub(super) fn check(&self) -> Result<(), Error> {
         within("atoms", self.atoms, 2, 8192)?;
         odd_side("patch", self.patch)?;
         odd_side("window", self.window)?;
         within("patch", self.patch, 3, self.window + 4)?;
-        within("features", self.features, 2, (self.window + 4).pow(2) - 1)?;
+        within("features", self.features, 2, Self::most_features(self.window))?;
         within("lambda", self.lambda, 0.001, 0.9)?;
         within("nonzeros", self.nonzeros, 1, 64)?;
         within("epochs", self.epochs, 1, 1000)?;

@@ -1,5 +1,6 @@
 //! Parameters of the network.
 
+use super::dictionary::DictionaryParameters;
 use lenslet_core::interpolation::Interpolation;
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +11,7 @@ use crate::error::Error;
 /// | name | default | purpose | range |
 /// |---|---|---|---|
 /// | `beside` (field `side_inputs`) | none | further inputs of the base multiview: barycentric, cubic | |
-/// | `features` | \[60\] | principal components kept of the low image, then of each side input | 2 … (window+4)² − 1 |
+/// | `features` | \[60\] | principal components kept of the low image, then of each side input | 2 … (window+4)² − 1, at most 4·window² |
 /// | `window` | 9 | side of the window whose gradients are features | odd, 3 … 25 |
 /// | `patch` | 5 | side of a residual patch | odd, 3 … window + 4 |
 /// | `hidden` | \[256, 128\] | outputs of each hidden layer | one to four of 1 … 4096 |
@@ -68,7 +69,7 @@ impl NetworkParameters {
                 self.side_inputs.len() + 1
             ));
         }
-        if self.features.iter().any(|f| !(2..(self.window + 4).pow(2)).contains(f)) {
+        if self.features.iter().any(|f| !(2..=DictionaryParameters::most_features(self.window)).contains(f)) {
             return wrong(format!("features {:?} are out of range", self.features));
         }
         if !(1..=4).contains(&self.hidden.len()) || self.hidden.iter().any(|h| !(1..=4096).contains(h)) {

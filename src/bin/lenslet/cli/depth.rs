@@ -77,6 +77,9 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     if !(0.0..=1.0).contains(&args.specks) {
         return Err(Usage(format!("--specks must be 0 to 1, not {}", args.specks)).into());
     }
+    if !(0.0..=1.0).contains(&args.confident) {
+        return Err(Usage(format!("--confident must be 0 to 1, not {}", args.confident)).into());
+    }
     let mut inputs = vec![args.light_field.as_path()];
     inputs.extend(args.truth.as_deref());
     output::check_target(&args.out, Kind::Directory, args.force, &inputs)?;
@@ -147,6 +150,10 @@ fn compare(path: &Path, args: &Args, found: &disparity::Disparity) -> anyhow::Re
         truth.dim(),
         found.disparity.dim()
     );
+    let (height, width) = truth.dim();
+    if 2 * args.border.min(usize::MAX / 2) >= height.min(width) {
+        return Err(Usage(format!("--border {} leaves nothing of {width}x{height} pixels", args.border)).into());
+    }
     let told = |least: f32| {
         disparity::compare_with_truth(&found.disparity, &truth, args.border, 0.07, |t, s| {
             found.confidence[[t, s]] >= least

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use lenslet_core::dictionary::Footprint;
+use lenslet_core::dictionary::{self, Footprint};
 use lenslet_core::lightfield::ColourSpace;
 use lenslet_core::output::{self, Kind};
 use lenslet_core::progress::Observer;
@@ -88,11 +88,11 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         CropOptions { size: args.crop, shrink: args.shrink, degradation: degradation.clone(), seed: args.seed };
     let mut crops: Vec<Crop> = Vec::new();
     let report = PhotoSet::find(&args.photos, ColourSpace::Srgb)?.for_each(&context.progress, |n, _, photo| {
-        crops.extend(pairs::cut_crops(photo, n, args.crops, &options)?);
+        crops.extend(pairs::cut_crops(photo, n, args.crops, &options).map_err(usage)?);
         anyhow::Ok(())
     })?;
     context.progress.begin("pairs", 0);
-    let (filters, kept) = pairs::learn_filters(&crops, args.window, args.features)?;
+    let (filters, kept) = pairs::learn_filters(&crops, args.window, args.features).map_err(usage)?;
     let options = PatchOptions {
         patch: args.patch,
         window: args.window,
@@ -100,7 +100,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         seed: args.seed,
         ..PatchOptions::default()
     };
-    let pairs = pairs::extract_pairs(&crops, &filters, &[filters.nrows()], &options)?;
+    let pairs = pairs::extract_pairs(&crops, &filters, &[filters.nrows()], &options).map_err(usage)?;
     let mut pairs_of_photo = vec![0; report.used.len()];
     pairs.photos.iter().for_each(|&p| pairs_of_photo[p as usize] += 1);
     let manifest = Manifest {
@@ -139,4 +139,12 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         "skipped": manifest.skipped, "energy_kept": kept,
     });
     Ok(Outcome { json, text })
+}
+
+/// A number out of range is wrong usage.
+fn usage(error: pairs::Error) -> anyhow::Error {
+    match error {
+        pairs::Error::Parameter(why) | pairs::Error::Dictionary(dictionary::Error::Parameter(why)) => Usage(why).into(),
+        other => other.into(),
+    }
 }

@@ -48,6 +48,24 @@ pub enum Input {
 }
 
 impl Input {
+    /// In what form it is given.
+    fn form(self) -> &'static str {
+        match self {
+            Input::Container | Input::Captures | Input::CaptureFile | Input::WhiteImage => {
+                ".lfp, .lfr, .raw with .txt or .json beside it, or mosaics (PNG, TIFF, JPEG)"
+            }
+            Input::Bundle => "one with white images (.raw with .txt beside it, data.C.n, .tar)",
+            Input::Calibrations | Input::CalibrationFile => "a .calib",
+            Input::LightField => {
+                "a folder with a lightfield.json or numbered pictures, a .npy, a .mat, or a lenslet picture"
+            }
+            Input::Photos | Input::PhotoFile => "pictures (PNG, JPEG, TIFF, BMP or PNM)",
+            Input::Dictionary => "a .lfd or .safetensors",
+            Input::Map => "a .pfm or .npy",
+            Input::Text => "a file of text",
+        }
+    }
+
     /// Whether the command can do nothing without it.
     fn alone(self) -> bool {
         matches!(
@@ -321,7 +339,7 @@ fn advice(path: &Path, wanted: Input, found: &Found) -> String {
         Found::Samples => "it belongs to the light field that it lies beside: give that one".into(),
         Found::Archive => format!("it may belong to `lenslet calibrate --bundle {p} --out CALIBRATIONS`"),
         Found::Picture | Found::Other => format!("`lenslet info {p}` says what it is"),
-        Found::Folder(_) => format!("look for {wanted} elsewhere; `lenslet info FILE` says what a file is"),
+        Found::Folder(_) => format!("give {}", wanted.form()),
     }
 }
 

@@ -9,7 +9,9 @@ use lenslet_core::interpolation::Interpolation;
 use lenslet_core::output::{self, Kind};
 use lenslet_core::progress::Observer;
 use lenslet_data_gen::pairs::CameraLattice;
-use lenslet_train::{Algorithm, Coupling, KsvdUpdate, Parameters, train_dictionary, train_on_crops};
+use lenslet_train::{
+    Algorithm, Coupling, DictionaryParameters, KsvdUpdate, Parameters, train_dictionary, train_on_crops,
+};
 use serde_json::json;
 
 use super::inputs::{Input, each};
@@ -128,7 +130,9 @@ fn parameters(args: &Args) -> anyhow::Result<Parameters> {
     set(&mut p.dictionary.atoms, args.atoms);
     set(&mut p.dictionary.patch, args.patch);
     if let Some(patch) = args.patch {
-        p.dictionary.window = patch.max(3);
+        p.dictionary.window = patch.clamp(3, 25);
+        // A small window has few; the range of --patch itself is checked with all others.
+        p.dictionary.features = p.dictionary.features.min(DictionaryParameters::most_features(p.dictionary.window));
     }
     set(&mut p.dictionary.lambda, args.lambda);
     set(&mut p.dictionary.epochs, args.epochs);

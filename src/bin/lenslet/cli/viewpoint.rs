@@ -67,8 +67,8 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
             Usage("an animation needs an --out that is a .gif, an .apng or a directory, not one .png".into()).into()
         );
     }
-    if args.radius.is_some_and(|r| !(r.is_finite() && r > 0.0)) || args.hold.is_some_and(|d| !d.is_finite()) {
-        return Err(Usage("--radius must be above 0, --hold a number".into()).into());
+    if args.radius.is_some_and(|r| !(r.is_finite() && r > 0.0)) || args.hold.is_some_and(|d| d.abs() >= 1e5) {
+        return Err(Usage("--radius must be above 0, --hold a disparity below 100000".into()).into());
     }
     check_animation_name(&args.out, false)?;
     check_pictures(&args.out, args.force, &args.light_field)?;
