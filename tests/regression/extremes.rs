@@ -191,7 +191,7 @@ fn the_other_commands_refuse_what_they_cannot_do() {
         ("gen-pairs photos --features 0", 2, &["0 features"][..]),
         ("gen-pairs photos --features 100000", 2, &["100000 features", "1 to"][..]),
         ("gen-pairs photos --noise=-1", 2, &["noise"][..]),
-        ("simulate --sensor 0 --size 32", 2, &["--sensor"][..]),
+        ("simulate --sensor 0 --size 32", 2, &["sensor"][..]),
         ("simulate --sensor 100000x100000", 2, &["sensor"][..]),
         ("simulate --sensor 96 --size 0", 2, &["size"][..]),
         ("simulate --sensor 96 --pitch 0", 2, &["pitch"][..]),

@@ -158,11 +158,11 @@ fn endings_that_are_not_written_are_refused() {
         "view f.npy --out a.jpg",
         "simulate --out a.png",
         "demo --out a.html",
-        "gen-pairs p.png --out a.npz",
+        "gen-pairs s1/truth/views --out a.npz",
         "extract s1/capture.lfp --out a.tar",
         "ablate --out a.html",
         "calibrate s1/white-00.lfp --out a.png",
-        "train-dict p.png --out a.npy",
+        "train-dict s1/truth/views --out a.npy",
     ] {
         let answer = bench.run(line);
         assert_eq!(answer.code, Some(2), "{line}: {}", answer.err);
