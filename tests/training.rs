@@ -255,3 +255,37 @@ fn a_memory_budget_lowers_the_number_of_pairs() {
         succeeds(&run(&[arguments(folder.path(), "m.lfd"), vec!["--pairs-memory".into(), "0.05".into()]].concat()));
     assert!(news.contains("pairs instead of 9000000") && news.contains("0.05 GiB"), "{news}");
 }
+
+#[test]
+fn refined_views_are_learned_through_the_lenslets_of_a_calibration() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    world(folder.path(), 3);
+    // Rows stretched and lenslets askew, as no pitch and rotation can say.
+    let lattice = lenslet_core::geometry::Lattice::hexagonal(10.2, 0.004, 1.03, [1600.0, 1600.0]);
+    let mut camera = lenslet_core::calibration::Calibration::of_lattice(lattice, Size::new(3200, 3200));
+    for l in &mut camera.lenslets {
+        (l.x, l.y) = (l.x + 0.2 * f64::from((l.i + l.j).rem_euclid(3)), l.y - 0.2 * f64::from(l.i.rem_euclid(2)));
+    }
+    lenslet_core::calibration::save(&at("camera.calib"), &camera, false).unwrap();
+    let recipe = r#"{"base":"multiview","pitch":3.4425,"rotation":0.004,"atoms":16,"features":12,"epochs":1,"refine":1,
+        "coupling":"low","pairs":600,"crop":60,"crops":1,"patch":7,"window":7,"anchors":8,"neighbours":100,"held_out":0}"#;
+    std::fs::write(at("recipe.json"), recipe).unwrap();
+    let train = |out: &str, options: &[String]| {
+        let mut all = arguments(folder.path(), out);
+        all.extend_from_slice(options);
+        succeeds(&run(&all));
+        lenslet_core::dictionary::load(&at(out)).unwrap()
+    };
+    let regular = train("regular.lfd", &[]);
+    let measured = train("measured.lfd", &["--calibration".into(), text(&at("camera.calib")).to_owned()]);
+    for dictionary in [&regular, &measured] {
+        let model = &dictionary.models[0];
+        assert_eq!(model.base, lenslet_core::interpolation::Interpolation::Multiview);
+        assert!((model.pitch - 3.4425).abs() < 1e-4, "{}", model.pitch);
+    }
+    assert_ne!(regular.models[0].patch_model.low, measured.models[0].patch_model.low);
+    let lattice = |d: &lenslet_core::dictionary::Dictionary| d.recipe.parameters.get("lattice").cloned();
+    assert!(lattice(&measured).is_some_and(|l| l.as_str().is_some_and(|hash| hash.len() == 64)), "{:?}", measured.recipe);
+    assert!(lattice(&regular).is_none_or(|l| l.is_null()), "{:?}", regular.recipe);
+}
