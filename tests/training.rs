@@ -286,6 +286,10 @@ fn refined_views_are_learned_through_the_lenslets_of_a_calibration() {
     }
     assert_ne!(regular.models[0].patch_model.low, measured.models[0].patch_model.low);
     let lattice = |d: &lenslet_core::dictionary::Dictionary| d.recipe.parameters.get("lattice").cloned();
-    assert!(lattice(&measured).is_some_and(|l| l.as_str().is_some_and(|hash| hash.len() == 64)), "{:?}", measured.recipe);
+    assert!(
+        lattice(&measured).is_some_and(|l| l.as_str().is_some_and(|hash| hash.len() == 64)),
+        "{:?}",
+        measured.recipe
+    );
     assert!(lattice(&regular).is_none_or(|l| l.is_null()), "{:?}", regular.recipe);
 }

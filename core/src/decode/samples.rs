@@ -93,6 +93,7 @@ impl HexSamples {
     /// If v or u is not below the number of views per row.
     ///
     /// ```
+    /// use lenslet_core::geometry::Size;
     /// use lenslet_core::decode::HexSamples;
     /// use ndarray::Array3;
     ///

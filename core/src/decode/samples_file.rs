@@ -129,6 +129,7 @@ impl HexSamples {
     /// A file that is not such an archive, is compressed or damaged, or whose arrays contradict each other.
     ///
     /// ```
+    /// use lenslet_core::geometry::Size;
     /// use lenslet_core::decode::HexSamples;
     /// use ndarray::Array3;
     ///

@@ -40,6 +40,7 @@ impl Alignment {
     /// When the channels differ, a side is shorter than 16 pixels, or a value is not finite.
     ///
     /// ```
+    /// use lenslet_core::geometry::Size;
     /// use lenslet_core::metrics::Alignment;
     /// use ndarray::Array3;
     ///
@@ -49,7 +50,7 @@ impl Alignment {
     /// let found = Alignment::estimate(shifted.view(), truth.view())?;
     /// assert!((found.affine[2] + 1.5).abs() < 0.05 && (found.affine[5] - 0.5).abs() < 0.05);
     /// assert!((found.gain[0][0] - 2.0).abs() < 0.05);
-    /// assert_eq!(found.apply(shifted.view(), (60, 60)).dim(), (60, 60, 1));
+    /// assert_eq!(found.apply(shifted.view(), Size::new(60, 60)).dim(), (60, 60, 1));
     /// # Ok::<(), lenslet_core::metrics::Error>(())
     /// ```
     pub fn estimate(result: ArrayView3<f32>, reference: ArrayView3<f32>) -> Result<Alignment, Error> {

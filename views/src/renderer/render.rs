@@ -20,6 +20,7 @@ use crate::target::{Sink, view_pitch};
 /// Samples prepared for one [`Method`] at one size: single views, all views, or a whole light field.
 ///
 /// ```
+/// use lenslet_core::geometry::Size;
 /// use lenslet_core::decode::HexSamples;
 /// use lenslet_views::{Method, RenderSamples};
 /// use ndarray::Array3;
