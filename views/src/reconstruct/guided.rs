@@ -93,7 +93,7 @@ fn smooth(guide: &Array2<f32>, differences: [Array2<f32>; 2], radius: usize) -> 
     let energy = box_mean_in_bands(energy, AROUND);
     let noise = noise(&guide, &energy);
     let share = ndarray::Zip::from(&energy).and(&guide).map_collect(|&e, &i| {
-        let n = noise[step(i)];
+        let n = noise_at(&noise, i);
         if e > n { (e - n) / e } else { 0.0 }
     });
     let kept = followed.into_iter().map(|(mut guided, left)| {
@@ -106,6 +106,14 @@ fn smooth(guide: &Array2<f32>, differences: [Array2<f32>; 2], radius: usize) -> 
 
 fn step(luminance: f32) -> usize {
     ((luminance.max(0.0) * STEPS as f32) as usize).min(STEPS - 1)
+}
+
+/// The energy of noise at a luminance, between the steps: a pixel whose luminance lies at the border of two steps does not
+/// jump from one to the other when it is rounded otherwise.
+fn noise_at(noise: &[f32; STEPS], luminance: f32) -> f32 {
+    let at = (luminance * STEPS as f32 - 0.5).clamp(0.0, (STEPS - 1) as f32);
+    let (low, part) = (at as usize, at.fract());
+    noise[low] + part * (noise[(low + 1).min(STEPS - 1)] - noise[low])
 }
 
 /// Energy of noise in windows, by luminance: from the quietest among windows of like luminance. 0 where there are fewer
@@ -132,6 +140,31 @@ mod tests {
     use lenslet_core::colour::luminance;
     use rand::rngs::ChaCha8Rng;
     use rand::{RngExt, SeedableRng};
+
+    /// The last digit of one pixel's luminance, at the border of two steps, moved its colours by a hundredth.
+    #[test]
+    fn rounding_moves_colours_by_rounding() {
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let [wr, wg, wb] = LUMINANCE;
+        // A ramp across all steps, with noise in the colours that grows along it.
+        let luminance = Array2::from_shape_fn((60, 800), |(_, x)| (x as f32 + 0.5) / 800.0);
+        let view = Array3::from_shape_fn((60, 800, 3), |(_, x, _)| (x as f32 + 0.5) / 800.0);
+        let mut noisy = view.clone();
+        for mut pixel in noisy.lanes_mut(Axis(2)) {
+            let strength = 0.3 * pixel[0].powi(2);
+            let (r, b) = (strength * (rng.random::<f32>() - 0.5), strength * (rng.random::<f32>() - 0.5));
+            pixel[0] += r;
+            pixel[2] += b;
+            pixel[1] -= (wr * r + wb * b) / wg;
+        }
+        let with_pixel = |value: f32| {
+            let mut after = luminance.clone();
+            after[[30, 300]] = value;
+            with_luminance(&noisy, &luminance, &after, 4)
+        };
+        let off = (&with_pixel(0.375 - 2e-6) - &with_pixel(0.375 + 2e-6)).fold(0f32, |a, x| a.max(x.abs()));
+        assert!(off < 1e-4, "{off}");
+    }
 
     fn scene(noise: f32) -> (Array3<f32>, Array3<f32>) {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
