@@ -16,9 +16,10 @@
 //! All from the root of the checkout. `target/mutants` has the changed copy of it (`tree`), the mutants (`mutants.json`)
 //! and what became of them (`results.json`). `run FOLDER …` tries those of the folders only.
 //!
-//! The tests of a mutant's file come first, then those of its folder, of the crate, and the quick ones of `core/tests`,
-//! on one thread and without the data that no licence lets us commit. A failed test, a crash, more than 6 GiB and five
-//! times the usual time count as caught. What is never mutated: `candidates.rs` says it.
+//! First every unit test and the quick ones of `core/tests` run by themselves, to know how long each takes and which
+//! mutants it reaches (`tests.json`); a mutant then meets the tests that reach it, the quickest first, on one thread and
+//! without the data that no licence lets us commit. A failed test, a crash, more than 6 GiB and five times the usual time
+//! count as caught. What is never mutated: `candidates.rs` says it.
 
 mod candidates;
 mod report;

@@ -1,4 +1,4 @@
-//! Runs the tests once a mutant, from the nearest to the farthest, until one fails.
+//! Runs the tests that reach a mutant, from the quickest to the slowest, until one fails.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
@@ -12,11 +12,13 @@ use serde::{Deserialize, Serialize};
 
 use super::tree::{Mutant, target_folder};
 
-/// Tests of `core/tests` that follow the unit tests: those that take seconds.
+/// Tests of `core/tests` that are tried beside the unit tests: those that take seconds.
 const OTHER_TESTS: [&str; 6] = ["captures", "decode", "lightfield", "sizes", "sparse_solvers", "whites"];
 /// A run may take this many times as long as without a mutant, and [`GRACE`] more.
 const TIMES: f64 = 5.0;
 const GRACE: Duration = Duration::from_secs(5);
+/// Tests below this many seconds run together.
+const QUICK: f64 = 0.3;
 /// Address space of a test, KiB: a mutant may ask for any amount.
 const MEMORY_KIB: u64 = 6 << 20;
 
@@ -45,24 +47,28 @@ pub fn read_verdicts(out: &Path) -> Result<Verdicts> {
     }
 }
 
-/// One call of a test program.
-#[derive(Clone, PartialEq, Eq, PartialOrd, Ord)]
-struct Stage {
+/// A test, and what it does without a mutant.
+#[derive(Clone, Serialize, Deserialize)]
+struct Test {
     program: PathBuf,
-    arguments: Vec<String>,
+    name: String,
+    seconds: f64,
+    /// The mutants that it asks for.
+    reached: Vec<u32>,
 }
 
 /// Builds the tree and tries the mutants that have no verdict yet; with `again` the survivors, too.
 pub fn run(root: &Path, out: &Path, mutants: &[Mutant], again: bool) -> Result<()> {
     let programs = build(root, &out.join("tree"))?;
-    let mut runner = Runner { folder: out.join("tree/core"), scratch: out.join("tmp"), usual: BTreeMap::new() };
+    let runner = Runner { folder: out.join("tree/core"), scratch: out.join("tmp") };
+    let tests = runner.measure(&programs, &out.join("tests.json"))?;
     let mut verdicts = read_verdicts(out)?;
     for (k, mutant) in mutants.iter().enumerate() {
         let known = verdicts.get(&mutant.key());
         if known.is_some_and(|v| !again || v.outcome != Outcome::Survived) {
             continue;
         }
-        let verdict = runner.try_mutant(mutant, &programs)?;
+        let verdict = runner.try_mutant(mutant, &tests)?;
         println!(
             "{}/{} {}:{}:{} {} → {}: {:?} {} ({:.1} s)",
             k + 1,
@@ -105,45 +111,72 @@ fn build(root: &Path, tree: &Path) -> Result<BTreeMap<String, PathBuf>> {
 struct Runner {
     folder: PathBuf,
     scratch: PathBuf,
-    /// Time of each stage without a mutant.
-    usual: BTreeMap<Stage, Duration>,
 }
 
 impl Runner {
-    fn try_mutant(&mut self, mutant: &Mutant, programs: &BTreeMap<String, PathBuf>) -> Result<Verdict> {
-        let begin = Instant::now();
-        for stage in stages(mutant, programs)? {
-            let usual = match self.usual.get(&stage) {
-                Some(time) => *time,
-                None => {
-                    let before = Instant::now();
-                    let ended = self.run_stage(&stage, 0, Duration::from_secs(3600))?;
-                    ensure!(ended.is_none(), "without a mutant: {ended:?}");
-                    self.usual.insert(stage.clone(), before.elapsed());
-                    println!("{:.1} s without a mutant: {}", before.elapsed().as_secs_f64(), stage.arguments.join(" "));
-                    before.elapsed()
+    /// Runs each test by itself; what was measured of the same programs before is read from `file`.
+    fn measure(&self, programs: &BTreeMap<String, PathBuf>, file: &Path) -> Result<Vec<Test>> {
+        let time = |path: &Path| std::fs::metadata(path).and_then(|m| m.modified()).ok();
+        if programs.values().all(|p| time(p) < time(file)) {
+            return Ok(serde_json::from_slice(&std::fs::read(file)?)?);
+        }
+        let mut tests = Vec::new();
+        for program in programs.values() {
+            let listed = Command::new(program).arg("--list").current_dir(&self.folder).output()?;
+            for name in String::from_utf8_lossy(&listed.stdout).lines().filter_map(|l| l.strip_suffix(": test")) {
+                let mut test =
+                    Test { program: program.clone(), name: name.to_owned(), seconds: 0.0, reached: Vec::new() };
+                let begin = Instant::now();
+                if let Some((_, by)) = self.run_tests(&[&test], None, Duration::from_secs(600))? {
+                    println!("left out, for it fails without a mutant: {name} ({by})");
+                    continue;
                 }
-            };
-            let limit = usual.mul_f64(TIMES) + GRACE;
-            if let Some((outcome, by)) = self.run_stage(&stage, mutant.number, limit)? {
+                test.seconds = begin.elapsed().as_secs_f64();
+                let reached = std::fs::read_to_string(self.scratch.join("reached")).unwrap_or_default();
+                test.reached = reached.lines().filter_map(|l| l.parse().ok()).collect();
+                tests.push(test);
+            }
+        }
+        let seconds: f64 = tests.iter().map(|t| t.seconds).sum();
+        println!("{} tests, {seconds:.0} s one by one", tests.len());
+        std::fs::write(file, serde_json::to_string(&tests)?)?;
+        Ok(tests)
+    }
+
+    /// Runs the tests that reach a mutant, the quick ones together and first.
+    fn try_mutant(&self, mutant: &Mutant, tests: &[Test]) -> Result<Verdict> {
+        let begin = Instant::now();
+        let mut near: Vec<&Test> = tests.iter().filter(|t| t.reached.contains(&mutant.number)).collect();
+        let reached = !near.is_empty();
+        near.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
+        let (quick, slow): (Vec<&Test>, Vec<&Test>) = near.into_iter().partition(|t| t.seconds < QUICK);
+        let mut groups: BTreeMap<&Path, Vec<&Test>> = BTreeMap::new();
+        quick.into_iter().for_each(|t| groups.entry(&t.program).or_default().push(t));
+        for group in groups.into_values().chain(slow.into_iter().map(|t| vec![t])) {
+            let usual = group.iter().map(|t| t.seconds).sum::<f64>();
+            let limit = Duration::from_secs_f64(usual * TIMES) + GRACE;
+            if let Some((outcome, by)) = self.run_tests(&group, Some(mutant.number), limit)? {
                 return Ok(Verdict { outcome, by, seconds: begin.elapsed().as_secs_f64() });
             }
         }
-        let seconds = begin.elapsed().as_secs_f64();
-        Ok(Verdict { outcome: Outcome::Survived, by: String::new(), seconds })
+        let by = if reached { "" } else { "no test reaches it" }.to_owned();
+        Ok(Verdict { outcome: Outcome::Survived, by, seconds: begin.elapsed().as_secs_f64() })
     }
 
-    /// What ended a run before all its tests had passed.
-    fn run_stage(&self, stage: &Stage, number: u32, limit: Duration) -> Result<Option<(Outcome, String)>> {
+    /// Runs tests of one program; what ended the run before all had passed.
+    fn run_tests(&self, tests: &[&Test], number: Option<u32>, limit: Duration) -> Result<Option<(Outcome, String)>> {
+        let program = &tests.first().context("no tests")?.program;
         // A killed test leaves files.
         std::fs::remove_dir_all(&self.scratch).ok();
         std::fs::create_dir_all(&self.scratch)?;
         let mut child = Command::new("sh")
             .args(["-c", &format!("ulimit -v {MEMORY_KIB}; exec \"$0\" \"$@\"")])
-            .arg(&stage.program)
-            .args(&stage.arguments)
+            .arg(program)
+            .args(["--test-threads=1", "--exact"])
+            .args(tests.iter().map(|t| &t.name))
             .current_dir(&self.folder)
-            .env("LENSLET_MUTANT", number.to_string())
+            .envs(number.map(|n| ("LENSLET_MUTANT", n.to_string())))
+            .env("LENSLET_REACHED", self.scratch.join("reached"))
             .env("LENSLET_DATA", self.scratch.join("none"))
             .env("TMPDIR", &self.scratch)
             .env("RAYON_NUM_THREADS", "1")
@@ -152,7 +185,7 @@ impl Runner {
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
-            .with_context(|| stage.program.display().to_string())?;
+            .with_context(|| program.display().to_string())?;
         let lines = child.stdout.take().context("no output")?;
         let (sender, failed) = mpsc::channel();
         let reader = std::thread::spawn(move || {
@@ -171,7 +204,7 @@ impl Runner {
             if let Ok(name) = failed.recv_timeout(Duration::from_millis(20)) {
                 ended = Some((Outcome::Caught, name));
             } else if Instant::now() > deadline {
-                ended = Some((Outcome::TimedOut, stage.arguments.join(" ")));
+                ended = Some((Outcome::TimedOut, tests.last().map(|t| t.name.clone()).unwrap_or_default()));
             }
             if ended.is_some() {
                 child.kill().ok();
@@ -206,25 +239,4 @@ impl Runner {
         }
         Ok(())
     }
-}
-
-/// The tests of the mutant's file, of its folder, of the crate, and some of `core/tests`.
-fn stages(mutant: &Mutant, programs: &BTreeMap<String, PathBuf>) -> Result<Vec<Stage>> {
-    let unit = programs.get("lenslet_core").context("no unit tests")?;
-    let path = mutant.file.trim_start_matches("core/src/").trim_end_matches(".rs").trim_end_matches("/mod");
-    let (file, module) = (path.replace('/', "::") + "::", mutant.module.clone() + "::");
-    let stage = |program: &Path, arguments: &[&str]| Stage {
-        program: program.to_owned(),
-        arguments: arguments.iter().copied().chain(["--test-threads=1"]).map(str::to_owned).collect(),
-    };
-    let mut stages = Vec::new();
-    if file == module {
-        stages.push(stage(unit, &[&module]));
-    } else {
-        stages.push(stage(unit, &[&file]));
-        stages.push(stage(unit, &[&module, "--skip", &file]));
-    }
-    stages.push(stage(unit, &["--skip", &module]));
-    stages.extend(OTHER_TESTS.iter().filter_map(|name| Some(stage(programs.get(*name)?, &[]))));
-    Ok(stages)
 }

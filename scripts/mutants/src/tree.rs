@@ -37,20 +37,32 @@ impl Mutant {
 
 /// What is put at the end of `core/src/lib.rs`.
 const SWITCH: &str = r#"
-/// Whether the mutant of this number is on: the one that LENSLET_MUTANT names.
-#[allow(missing_docs)]
+/// Whether the mutant of this number is on: the one that LENSLET_MUTANT names. Without it no mutant is, and the numbers
+/// of those that were asked for are written to the file LENSLET_REACHED, if there is one.
 #[inline(always)]
 pub(crate) fn mutant_is_on(number: u32) -> bool {
     use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
     static ON: AtomicU32 = AtomicU32::new(u32::MAX);
+    static SEEN: [AtomicU32; 65536] = [const { AtomicU32::new(0) }; 65536];
     #[cold]
-    fn read() -> u32 {
-        let on = std::env::var("LENSLET_MUTANT").ok().and_then(|n| n.parse().ok()).unwrap_or(0);
-        ON.store(on, Relaxed);
-        on
+    fn read(number: u32) -> bool {
+        use std::io::Write;
+        if let Some(on) = std::env::var("LENSLET_MUTANT").ok().and_then(|n| n.parse().ok()) {
+            ON.store(on, Relaxed);
+            return number == on;
+        }
+        let Some(path) = std::env::var_os("LENSLET_REACHED") else {
+            ON.store(0, Relaxed);
+            return false;
+        };
+        if SEEN[number as usize & 65535].swap(1, Relaxed) == 0 {
+            let mut file = std::fs::OpenOptions::new().create(true).append(true).open(path).unwrap();
+            file.write_all(format!("{number}\n").as_bytes()).unwrap();
+        }
+        false
     }
     let on = ON.load(Relaxed);
-    number == if on == u32::MAX { read() } else { on }
+    if on == u32::MAX { read(number) } else { number == on }
 }
 "#;
 /// Put at its beginning: mutants make conditions constant, variables unused, and arithmetic that never ends well.
