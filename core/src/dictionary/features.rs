@@ -270,6 +270,44 @@ mod tests {
         assert!(learn_filters(Array2::zeros((4, 4)).view(), 3, 5).is_err());
     }
 
+    #[test]
+    fn components_are_the_axes_of_largest_energy() {
+        // Energies 2, −1 (rounding gives such) and 5: the sum of what is positive is 7.
+        let moments = ndarray::arr2(&[[2.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 5.0]]);
+        let (filters, kept) = learn_components(moments.view(), 1).unwrap();
+        assert_eq!(filters, ndarray::arr2(&[[0.0, 0.0, 1.0]]));
+        assert!((kept - 5.0 / 7.0).abs() < 1e-12, "{kept}");
+        let (filters, kept) = learn_components(moments.view(), 2).unwrap();
+        assert_eq!(filters, ndarray::arr2(&[[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]));
+        assert!((kept - 1.0).abs() < 1e-12, "{kept}");
+        assert!(learn_components(moments.view(), 3).is_ok());
+        for bad in [0, 4] {
+            assert!(learn_components(moments.view(), bad).is_err());
+        }
+        assert!(learn_components(moments.slice(s![..2, ..]), 1).is_err());
+    }
+
+    #[test]
+    fn every_number_of_features_that_the_gradients_have() {
+        let windows = Array2::from_shape_fn((60, 25), |(n, i)| (1.3 * i as f64 + 0.7 * n as f64 * i as f64).sin());
+        let moments = windows.t().dot(&windows);
+        let (filters, _) = learn_filters(moments.view(), 1, 1).unwrap();
+        assert_eq!(filters.dim(), (1, 25));
+        let peak = filters.iter().fold(0.0f32, |a, &b| if b.abs() > a.abs() { b } else { a });
+        assert!(peak > 0.0, "{peak}");
+        assert!(learn_filters(moments.view(), 1, 4).is_ok());
+        assert!(learn_filters(moments.view(), 1, 0).is_err() && learn_filters(moments.view(), 1, 5).is_err());
+    }
+
+    #[test]
+    fn the_first_of_the_largest_entries_becomes_positive() {
+        for (row, turned) in [([1.0, -2.0], [-1.0, 2.0]), ([-1.0, 1.0], [1.0, -1.0]), ([0.5, -0.2], [0.5, -0.2])] {
+            let mut row = ndarray::arr1(&row);
+            upright(row.view_mut());
+            assert_eq!(row.to_vec(), turned);
+        }
+    }
+
     proptest! {
         #[test]
         fn extraction_is_a_dot_product(h in 1usize..12, w in 1usize..12, seed in 0u32..1000) {

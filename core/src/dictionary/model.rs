@@ -90,3 +90,20 @@ impl Dictionary {
         self.models.iter().find(|m| m.footprint == footprint).or_else(|| self.models.first())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::validate::tests::small_dictionary;
+    use super::*;
+
+    #[test]
+    fn a_footprint_without_a_model_takes_the_first() {
+        let mut dictionary = small_dictionary(1);
+        dictionary.models.extend(small_dictionary(2).models);
+        dictionary.models[1].footprint = Footprint::Lenslet;
+        let [first, second] = [0, 1].map(|k| &dictionary.models[k]);
+        assert_eq!(dictionary.model(Footprint::Point), Some(first));
+        assert_eq!(dictionary.model(Footprint::Lenslet), Some(second));
+        assert_eq!(dictionary.model(Footprint::Grid), Some(first));
+    }
+}

@@ -48,3 +48,27 @@ impl ReconstructionOptions {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn defaults_and_ranges_are_those_that_the_fields_say() {
+        let default = ReconstructionOptions::default();
+        assert_eq!((default.step, default.spread, default.flat, default.ensemble), (2, f32::INFINITY, 0.0, 1));
+        assert_eq!((default.predictor, default.lambda), (PatchPredictor::Lasso, None));
+        let with = |change: fn(&mut ReconstructionOptions)| {
+            let mut options = ReconstructionOptions::default();
+            change(&mut options);
+            options.check().is_ok()
+        };
+        assert!(with(|o| o.spread = 0.011) && with(|o| o.flat = 3.0));
+        assert!(with(|o| o.lambda = Some(0.0)) && with(|o| o.lambda = Some(1.0)));
+        assert!(with(|o| o.ensemble = 2) && with(|o| o.ensemble = 4));
+        assert!(!with(|o| o.spread = 0.01) && !with(|o| o.spread = f32::NAN));
+        assert!(!with(|o| o.flat = -0.1) && !with(|o| o.flat = f32::NAN));
+        assert!(!with(|o| o.lambda = Some(1.1)) && !with(|o| o.lambda = Some(-0.1)));
+        assert!(!with(|o| o.ensemble = 0) && !with(|o| o.ensemble = 3));
+    }
+}

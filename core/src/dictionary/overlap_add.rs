@@ -131,3 +131,37 @@ impl PartialSum {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_are_a_gaussian_around_the_centre() {
+        assert_eq!(patch_weights(3, f32::INFINITY), [1.0; 9]);
+        let found = patch_weights(5, 0.4);
+        for (i, w) in found.iter().enumerate() {
+            let (dy, dx) = ((i / 5) as f64 - 2.0, (i % 5) as f64 - 2.0);
+            // A standard deviation of 0.4·5 pixels.
+            let truth = (-(dy * dy + dx * dx) / 8.0).exp();
+            assert!((f64::from(*w) - truth).abs() < 1e-6, "{i}: {w} against {truth}");
+        }
+        assert_eq!(patch_weights(5, 0.02)[0], 1e-6);
+    }
+
+    #[test]
+    fn overlapping_residuals_are_averaged_with_their_weights() {
+        // One row: patches of side 3 at 0, 2, 4 and 5 whose residuals are their number at every pixel.
+        let low = Array2::from_shape_fn((1, 6), |(_, x)| 10.0 * x as f32);
+        let predict = |centres: &[(usize, usize)]| {
+            assert_eq!(centres, [(0, 0), (0, 2), (0, 4), (0, 5)]);
+            Ok(Array2::from_shape_fn((4, 9), |(n, _)| n as f32))
+        };
+        let flat = add_residuals(&low, 3, 2, f32::INFINITY, &predict).unwrap();
+        assert_eq!(flat.row(0).to_vec(), [0.0, 10.5, 21.0, 31.5, 42.5, 52.5]);
+        let w = (-1.0f32 / (2.0 * (0.5f32 * 3.0).powi(2))).exp();
+        let weighted = add_residuals(&low, 3, 2, 0.5, &predict).unwrap();
+        let truth = [0.0, 10.5, 21.0, 31.5, 40.0 + (2.0 + 3.0 * w) / (1.0 + w), 50.0 + (2.0 * w + 3.0) / (1.0 + w)];
+        assert!(weighted.iter().zip(truth).all(|(a, b)| (a - b).abs() < 1e-5), "{weighted} {truth:?}");
+    }
+}

@@ -337,4 +337,30 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn spacing_is_the_pitch_of_a_hexagonal_lattice_as_dense() {
+        // Four points on 12 square pixels; a hexagonal cell of 3 has the pitch √(3·2/√3).
+        let found = spacing(&[[1.0, 2.0], [5.0, 2.0], [1.0, 5.0], [5.0, 5.0]]);
+        assert!((found - 1.861_209_718_2).abs() < 1e-9, "{found}");
+    }
+
+    #[test]
+    fn along_an_edge_cubics_are_met() {
+        let f = |x: f64, y: f64| 0.4 + x - 0.5 * y + 0.3 * x * x * y - 0.2 * y * y * y + 0.1 * x * x;
+        let slope = |x: f64, y: f64| [1.0 + 0.6 * x * y + 0.2 * x, -0.5 + 0.3 * x * x - 0.6 * y * y];
+        let p = [[0.7, -0.4], [2.9, 1.3], [2.9, 1.3]];
+        for k in 0..=10 {
+            let part = f64::from(k) / 10.0;
+            let form = along(p, part);
+            let found: f64 = (0..3)
+                .map(|n| {
+                    let [gx, gy] = slope(p[n][0], p[n][1]);
+                    form[n] * f(p[n][0], p[n][1]) + form[3 + n] * gx + form[6 + n] * gy
+                })
+                .sum();
+            let truth = f(p[0][0] + part * (p[1][0] - p[0][0]), p[0][1] + part * (p[1][1] - p[0][1]));
+            assert!((found - truth).abs() < 1e-12, "{part}: {found} against {truth}");
+        }
+    }
 }

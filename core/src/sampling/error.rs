@@ -43,3 +43,14 @@ pub(super) fn check_size(what: &'static str, size: Size) -> Result<(), Error> {
         _ => Err(Error::Size { what, width: size.width, height: size.height, max: MAX_PIXELS }),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_size_is_a_size() {
+        assert!(check_size("view", MAX_PIXELS, 1).is_ok() && check_size("view", 1, 1).is_ok());
+        assert!(check_size("view", MAX_PIXELS + 1, 1).is_err() && check_size("view", 1, 0).is_err());
+    }
+}

@@ -193,4 +193,69 @@ mod tests {
         assert!(lattice_points_in(&Lattice::hexagonal(0.2, 0.0, 1.0, [0.0; 2]), Size::new(10, 10)).is_err());
         assert!(lattice_points_in(&Lattice::hexagonal(3.0, 0.0, 1.0, [f64::NAN; 2]), Size::new(10, 10)).is_err());
     }
+
+    /// One channel, values of a function of the place.
+    fn picture(width: usize, height: usize, f: impl Fn(f64, f64) -> f64) -> Array3<f32> {
+        Array3::from_shape_fn((height, width, 1), |(t, s, _)| f(s as f64, t as f64) as f32)
+    }
+
+    #[test]
+    fn footprints_differ_where_the_image_is_no_plane() {
+        let step = picture(6, 3, |x, _| f64::from(u8::from(x == 1.0)));
+        let at = [[0.5, 1.0], [1.25, 1.0]];
+        let value = |footprint| sample_image(step.view(), &at, footprint).unwrap().into_raw_vec_and_offset().0;
+        assert_eq!(value(Footprint::Bilinear), [0.5, 0.75]);
+        assert_eq!(value(Footprint::Point)[0], 0.5625); // Keys' kernel at a half: (−1, 9, 9, −1)/16
+        // The mean of x² over a disc is a quarter of its squared radius, and bilinear values lie 1/6 too high.
+        let bowl = picture(41, 41, |x, y| (x - 20.0).powi(2) + 10.0 * y);
+        for diameter in [8.0, 20.0] {
+            let mean = sample_image(bowl.view(), &[[20.0, 20.0]], Footprint::Disc(diameter)).unwrap()[[0, 0]];
+            let truth = diameter * diameter / 16.0 + 1.0 / 6.0 + 200.0;
+            assert!((f64::from(mean) - truth).abs() < 0.002 * truth - 0.35, "{diameter}: {mean} against {truth}");
+        }
+    }
+
+    #[test]
+    fn the_points_of_a_disc_lie_a_quarter_pixel_apart() {
+        for (diameter, across) in [(1.0, 12), (8.0, 32), (256.0, 96)] {
+            let points = disc(diameter).unwrap();
+            let full = std::f64::consts::FRAC_PI_4 * f64::from(across * across);
+            assert!((points.len() as f64 / full - 1.0).abs() < 0.02, "{diameter}: {} points", points.len());
+            assert!(points.iter().all(|p| p[0].hypot(p[1]) <= diameter / 2.0));
+            let sum = points.iter().fold([0.0; 2], |s, p| [s[0] + p[0], s[1] + p[1]]);
+            assert!(sum.iter().all(|s| s.abs() < 1e-6));
+        }
+        assert!(disc(256.1).is_err() && disc(-1.0).is_err());
+    }
+
+    #[test]
+    fn the_phase_moves_the_lattice_by_parts_of_its_vectors() {
+        let image = picture(30, 20, |x, y| x + y);
+        let place = |phase: [f64; 2]| {
+            let (points, _) = lattice_samples(image.view(), 4.0, 0.1, phase, Footprint::Point).unwrap();
+            points.centres[points.index.iter().position(|&k| k == [0, 0]).unwrap()]
+        };
+        let near = |p: [f64; 2], q: [f64; 2]| (p[0] - q[0]).hypot(p[1] - q[1]) < 1e-9;
+        assert!(near(place([0.0; 2]), [14.5, 9.5]));
+        let (s, c) = 0.1f64.sin_cos();
+        let a = [4.0 * c, 4.0 * s];
+        // The second vector lies 60 degrees on.
+        let b = [0.5 * a[0] - 0.75f64.sqrt() * a[1], 0.5 * a[1] + 0.75f64.sqrt() * a[0]];
+        let moved = [14.5 + 0.3 * a[0] + 0.7 * b[0], 9.5 + 0.3 * a[1] + 0.7 * b[1]];
+        assert!(near(place([0.3, 0.7]), moved), "{:?} {moved:?}", place([0.3, 0.7]));
+    }
+
+    #[test]
+    fn each_limit_holds_by_itself() {
+        let image = picture(30, 20, |x, y| x + y);
+        let asked =
+            |pitch, rotation, phase| lattice_samples(image.view(), pitch, rotation, phase, Footprint::Point).is_ok();
+        assert!(asked(1000.0, PI, [0.0; 2]) && asked(1.0, -PI, [1e3, -1e3]));
+        assert!(!asked(1000.1, 0.0, [0.0; 2]));
+        assert!(!asked(3.0, 3.2, [0.0; 2]));
+        assert!(!asked(3.0, 0.0, [0.0, 1000.1]));
+        // A cell of 0.2 square pixels, both vectors long.
+        let thin = Lattice { a: [3.0, 2.0], b: [2.9, 2.0], ..Lattice::hexagonal(3.0, 0.0, 1.0, [0.0; 2]) };
+        assert!(lattice_points_in(&thin, 10, 10).is_err());
+    }
 }

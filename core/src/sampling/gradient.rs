@@ -203,4 +203,81 @@ mod tests {
         let stencils = stencils(&[[0.0, 0.0], [100.0, 0.0], [0.0, 100.0]], 1.0);
         assert_eq!(stencils.start, vec![0, 0, 0, 0]);
     }
+
+    #[test]
+    fn surfaces_of_the_family_have_their_own_slopes() {
+        // φ at the corners of a parallelogram with the signs + − − + minimises the energy that is asked for.
+        let points: Vec<[f64; 2]> = (0..30).map(|k| [f64::from(k % 6) * 1.1, f64::from(k / 6) * 0.9]).collect();
+        let stencils = stencils(&points, 1.0);
+        let p = points[14];
+        let corners = [(7, 1.0), (8, -1.0), (13, -1.0), (14, 1.0)];
+        let value = |x: [f64; 2]| -> f64 {
+            corners
+                .iter()
+                .map(|&(n, w): &(usize, f64)| w * (x[0] - points[n][0]).hypot(x[1] - points[n][1]).powi(3))
+                .sum()
+        };
+        let truth = [0, 1].map(|c| {
+            corners
+                .iter()
+                .map(|&(n, w)| {
+                    let d = [p[0] - points[n][0], p[1] - points[n][1]];
+                    w * 3.0 * d[0].hypot(d[1]) * d[c]
+                })
+                .sum::<f64>()
+        });
+        let range = stencils.start[14] as usize..stencils.start[15] as usize;
+        let found = range.fold([0.0; 2], |s, n| {
+            let v = value(points[stencils.neighbour[n] as usize]);
+            [0, 1].map(|c| s[c] + v * f64::from(stencils.weight[n][c]))
+        });
+        for c in 0..2 {
+            assert!(truth[c].abs() > 0.1 && (found[c] - truth[c]).abs() < 1e-5, "{found:?} against {truth:?}");
+        }
+    }
+
+    #[test]
+    fn the_nearest_24_take_part_where_centres_are_dense() {
+        let points: Vec<[f64; 2]> = (0..81).map(|k| [f64::from(k % 9) * 0.5, f64::from(k / 9) * 0.501]).collect();
+        let stencils = stencils(&points, 1.0);
+        let range = stencils.start[40] as usize..stencils.start[41] as usize;
+        assert_eq!(range.len(), MOST);
+        let distance = |n: usize| (points[n][0] - points[40][0]).hypot(points[n][1] - points[40][1]);
+        let mut all: Vec<f64> = (0..81).map(distance).collect();
+        all.sort_by(f64::total_cmp);
+        assert!(range.map(|k| distance(stencils.neighbour[k] as usize)).all(|d| d <= all[MOST - 1]));
+    }
+
+    #[test]
+    fn buckets_find_what_a_search_of_all_points_finds() {
+        // Far from the origin, wide, high, one cell, and a few points a great distance apart.
+        for (n, low, extent, reach) in [
+            (300, [-70.0, 1000.0], [60.0, 30.0], 2.7),
+            (300, [1000.0, -70.0], [20.0, 80.0], 2.7),
+            (300, [0.0, 50.0], [30.0, 30.0], 40.0),
+            (60, [5.0, 3.0], [1e9, 1e8], 1.0),
+        ] {
+            let points: Vec<[f64; 2]> = (0..n)
+                .map(|k| {
+                    [
+                        low[0] + f64::from(k * 37 % 101) / 101.0 * extent[0],
+                        low[1] + f64::from(k * 53 % 97) / 97.0 * extent[1],
+                    ]
+                })
+                .collect();
+            let buckets = Buckets::new(&points, reach);
+            assert!(buckets.columns <= 4097 && buckets.rows <= 4097, "{} {}", buckets.columns, buckets.rows);
+            for p in &points {
+                let mut found = Vec::new();
+                buckets.within(&points, *p, reach, &mut found);
+                let mut found: Vec<u32> = found.into_iter().map(|f| f.1).collect();
+                found.sort_unstable();
+                let near = |k: &u32| {
+                    let q = points[*k as usize];
+                    (q[0] - p[0]).hypot(q[1] - p[1]) <= reach
+                };
+                assert_eq!(found, (0..n as u32).filter(near).collect::<Vec<u32>>());
+            }
+        }
+    }
 }

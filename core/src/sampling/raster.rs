@@ -87,3 +87,35 @@ fn span(v: [f64; 3], len: usize) -> (usize, usize) {
     let high = (v[0].max(v[1]).max(v[2]) + 1e-6).floor().min((len - 1) as f64);
     if high < low { (1, 0) } else { (low as usize, high as usize) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::triangulate;
+
+    #[test]
+    fn pixels_on_edges_and_corners_belong_to_a_triangle() {
+        let points = [[1.0, 1.0], [5.0, 1.0], [1.0, 6.0], [5.0, 6.0]];
+        let table = draw(&triangulate(&points).unwrap(), &points, 8, 9);
+        for (k, entry) in table.iter().enumerate() {
+            let (x, y) = (k % 8, k / 8);
+            let inside = (1..=5).contains(&x) && (1..=6).contains(&y);
+            assert_eq!(entry.index[0] != u32::MAX, inside, "({x}, {y})");
+            if inside {
+                let place = |c: usize| {
+                    (0..3).map(|n| f64::from(entry.weight[n]) * points[entry.index[n] as usize][c]).sum::<f64>()
+                };
+                assert!((place(0) - x as f64).abs() < 1e-6 && (place(1) - y as f64).abs() < 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn whole_numbers_between_three_coordinates() {
+        assert_eq!(span([3.2, -4.0, 7.0], 20), (0, 7));
+        assert_eq!(span([3.2, 5.9, 4.0], 20), (4, 5));
+        assert_eq!(span([3.0, 30.0, 4.0], 20), (3, 19));
+        let (low, high) = span([3.2, 3.9, 3.5], 20);
+        assert!(low > high);
+    }
+}

@@ -319,4 +319,53 @@ mod tests {
         assert!(Weights::new(&centres, Size::new(0, 300), Size::new(10, 10)).is_err());
         assert!(Weights::new(&centres, Size::new(400, 300), Size::new(usize::MAX, 2)).is_err());
     }
+
+    #[test]
+    fn the_nearest_edge_is_found_around_outlines_of_any_shape() {
+        // Samples in a part of the frame: wide, high, in a corner, four points, few and many.
+        for (n, low, extent, target) in [
+            (200, [90.0, 200.0], [220.0, 30.0], (60, 50)),
+            (200, [300.0, 20.0], [30.0, 260.0], (60, 50)),
+            (60, [10.0, 10.0], [80.0, 50.0], (50, 70)),
+            (7, [200.0, 30.0], [100.0, 200.0], (50, 70)),
+            (0, [20.0, 20.0], [20.0, 16.0], (80, 60)),
+            (500, [200.0, 200.0], [190.0, 90.0], (80, 60)),
+        ] {
+            let sensor = (400, 300);
+            let mut centres: Vec<[f64; 2]> = (0..n)
+                .map(|k| {
+                    // In an ellipse, so that the outline has many edges.
+                    let (angle, r) = (f64::from(k) * 2.4, (f64::from(k) / f64::from(n)).sqrt());
+                    [
+                        low[0] + extent[0] * (1.0 + r * angle.cos()) / 2.0,
+                        low[1] + extent[1] * (1.0 + r * angle.sin()) / 2.0,
+                    ]
+                })
+                .collect();
+            if n == 0 {
+                centres = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.1]]
+                    .map(|[x, y]| [low[0] + extent[0] * x, low[1] + extent[1] * y])
+                    .to_vec();
+            }
+            let table = Weights::new(&centres, sensor, target).unwrap();
+            let mesh = triangulate(&centres).unwrap();
+            let points = SensorToView::new(sensor, target).all_to_view(&centres);
+            let inside = raster::draw(&mesh, &points, target.0, target.1);
+            for (at, _) in inside.iter().enumerate().filter(|(_, e)| e.index[0] == u32::MAX) {
+                let (s, t) = (at % target.0, at / target.0);
+                let (index, weight) = table.entry(s, t).unwrap();
+                let place = |k: usize| (0..3).map(|n| f64::from(weight[n]) * points[index[n] as usize][k]).sum::<f64>();
+                let got = (place(0) - s as f64).hypot(place(1) - t as f64);
+                let plain = mesh.outline.iter().map(|e| {
+                    let [a, b] = e.map(|v| points[v as usize]);
+                    let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
+                    let f = ((s as f64 - a[0]) * dx + (t as f64 - a[1]) * dy) / (dx * dx + dy * dy);
+                    let f = f.clamp(0.0, 1.0);
+                    (a[0] + f * dx - s as f64).hypot(a[1] + f * dy - t as f64)
+                });
+                let plain = plain.fold(f64::INFINITY, f64::min);
+                assert!((got - plain).abs() < 1e-3, "{n} points, ({s}, {t}): {got} against {plain}");
+            }
+        }
+    }
 }

@@ -13,7 +13,7 @@
 //! $mutants run --again  # the survivors, after tests were added and `generate` was called again
 //! ```
 //!
-//! All from the root of the checkout. `target/mutants` has the changed copy of it (`tree`), the mutants (`mutants.json`)
+//! All from the root of the checkout. `target/mutants` has the changed copy of it (`tree`), its build, the mutants (`mutants.json`)
 //! and what became of them (`results.json`). `run FOLDER …` tries those of the folders only.
 //!
 //! First every unit test and the quick ones of `core/tests` run by themselves, to know how long each takes and which
@@ -62,7 +62,7 @@ fn main() -> Result<()> {
         "run" => {
             let mut mutants = read_mutants(&out)?;
             mutants.retain(|m| modules.is_empty() || modules.contains(&m.module));
-            run::run(&root, &out, &mutants, again)
+            run::run(&out, &mutants, again)
         }
         "report" => report::print_report(&root, &read_mutants(&out)?, &run::read_verdicts(&out)?),
         _ => bail!("no command {command}: {USAGE}"),

@@ -105,7 +105,7 @@ pub fn generate(root: &Path, out: &Path, modules: &[String], per_module: usize, 
     let library = tree.join("core/src/lib.rs");
     let text = std::fs::read_to_string(&library)?;
     std::fs::write(&library, format!("{LINTS}{text}{SWITCH}"))?;
-    leave_out_what_does_not_compile(&tree, &target_folder(root), &mut sources)?;
+    leave_out_what_does_not_compile(&tree, &target_folder(out), &mut sources)?;
     let mutants: Vec<Mutant> = sources.iter().flat_map(|s| s.chosen.iter().map(|(n, c)| describe(s, *n, c))).collect();
     std::fs::write(out.join("mutants.json"), serde_json::to_string_pretty(&mutants)?)?;
     Ok(mutants)
@@ -162,9 +162,9 @@ fn copy_checkout(root: &Path, tree: &Path) -> Result<()> {
     remove_others(tree, &kept)
 }
 
-/// Where cargo builds: the dependencies are those of the checkout.
-pub fn target_folder(root: &Path) -> PathBuf {
-    std::env::var_os("CARGO_TARGET_DIR").map_or(root.join("target"), PathBuf::from)
+/// Where cargo builds the tree. Not the checkout's folder: cargo gives both the same names.
+pub fn target_folder(out: &Path) -> PathBuf {
+    out.join("target")
 }
 
 /// Removes what the checkout does not have: files that were deleted, or that tests have left.

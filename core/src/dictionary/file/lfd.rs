@@ -489,6 +489,47 @@ mod tests {
         }
     }
 
+    /// A whole file whose bytes before the seal are changed, sealed again.
+    fn resealed(dictionary: &Dictionary, change: impl Fn(&mut [u8])) -> Vec<u8> {
+        let mut bytes = to_bytes(dictionary).unwrap();
+        bytes.truncate(bytes.len() - SEAL);
+        change(&mut bytes);
+        let seal = Sha256::digest(&bytes);
+        bytes.extend_from_slice(&seal);
+        bytes
+    }
+
+    #[test]
+    fn another_codec_and_a_long_header_are_named() {
+        let said = |bytes: &[u8]| from_bytes(bytes, "t").unwrap_err().to_string();
+        assert!(from_bytes(&resealed(&small_dictionary(1), |_| ()), "t").is_ok());
+        let codec = resealed(&small_dictionary(1), |bytes| bytes[12] = 7);
+        assert!(said(&codec).contains("codec 7"), "{}", said(&codec));
+        let long = resealed(&small_dictionary(1), |bytes| bytes[19] = 1);
+        assert!(said(&long).contains("too long"), "{}", said(&long));
+    }
+
+    #[test]
+    fn matrices_that_share_bytes_are_refused() {
+        let shared = with_header(&small_dictionary(1), |header, _| {
+            let first = header.tables[0].clone();
+            let other = header.tables.iter_mut().skip(1).find(|t| t.shape.len() == 2).unwrap();
+            other.offset = first.offset;
+        });
+        let error = from_bytes(&shared, "t").unwrap_err().to_string();
+        assert!(error.contains("overlap"), "{error}");
+    }
+
+    #[test]
+    fn as_many_models_as_the_limit_says() {
+        let mut dictionary = small_dictionary(1);
+        let model = dictionary.models[0].clone();
+        dictionary.models.resize(limits::PARTS, model.clone());
+        assert_eq!(from_bytes(&to_bytes(&dictionary).unwrap(), "t").unwrap(), dictionary);
+        dictionary.models.push(model);
+        assert!(to_bytes(&dictionary).is_err());
+    }
+
     proptest! {
         #[test]
         fn damage_to_version_1_never_panics(at in 0usize..4000, value: u8, cut in 0usize..4000) {

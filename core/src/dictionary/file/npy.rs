@@ -49,3 +49,30 @@ pub fn export_npy(path: &Path, dictionary: &Dictionary, force: bool) -> Result<(
     write_part(&pending.path().join("dictionary.json"), text.as_bytes()).map_err(io)?;
     Ok(pending.commit()?)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::model::Storage;
+    use super::super::super::validate::tests::small_dictionary;
+    use super::*;
+
+    #[test]
+    fn the_folder_has_every_matrix_and_all_else_as_json() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("npy");
+        let dictionary = Dictionary { storage: Storage::I8, ..small_dictionary(1) };
+        export_npy(&out, &dictionary, false).unwrap();
+        let model = &dictionary.models[0].patch_model;
+        let high: ndarray::Array2<f32> = ndarray_npy::read_npy(out.join("point.lasso.high_atoms.npy")).unwrap();
+        assert_eq!(high, model.high);
+        let maps: ndarray::Array3<f32> = ndarray_npy::read_npy(out.join("point.anchored.maps.npy")).unwrap();
+        assert_eq!(maps, model.anchored.as_ref().unwrap().maps);
+        let text = std::fs::read(out.join("dictionary.json")).unwrap();
+        let json: serde_json::Value = serde_json::from_slice(&text).unwrap();
+        assert_eq!((&json["storage"], &json["recipe"]["seed"]), (&"i8".into(), &1.into()));
+        assert_eq!((&json["models"][0]["name"], &json["models"][0]["pitch"]), (&"point".into(), &3.3.into()));
+        assert_eq!(std::fs::read_dir(&out).unwrap().count(), 1 + matrices(model).len());
+        assert!(export_npy(&out, &dictionary, false).is_err());
+        assert!(export_npy(&out, &dictionary, true).is_ok());
+    }
+}

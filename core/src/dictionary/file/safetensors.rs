@@ -424,4 +424,48 @@ mod tests {
         let shared = ::safetensors::serialize(file.tensors(), Some(metadata)).unwrap();
         assert!(from_bytes(&shared, "t").unwrap_err().to_string().contains("same name"));
     }
+
+    #[test]
+    fn numbers_of_four_bytes_begin_at_multiples_of_four() {
+        let mut dictionary = two_models(Storage::I8);
+        // Maps of 4·5·9 bytes would hide it; five anchors do not.
+        let anchored = dictionary.models[0].patch_model.anchored.as_mut().unwrap();
+        anchored.anchors =
+            ndarray::concatenate![ndarray::Axis(0), anchored.anchors, anchored.anchors.slice(ndarray::s![..1, ..])];
+        anchored.maps =
+            ndarray::concatenate![ndarray::Axis(0), anchored.maps, anchored.maps.slice(ndarray::s![..1, .., ..])];
+        let bytes = to_safetensors(&dictionary).unwrap();
+        let length = u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
+        let header: serde_json::Value = serde_json::from_slice(&bytes[8..8 + length]).unwrap();
+        let mut bytes_of_maps = 0;
+        for (name, tensor) in header.as_object().unwrap().iter().filter(|(name, _)| *name != "__metadata__") {
+            let [begin, end] = [0, 1].map(|k| tensor["data_offsets"][k].as_u64().unwrap());
+            if tensor["dtype"] == "F32" {
+                assert_eq!(begin % 4, 0, "{name}");
+            } else {
+                bytes_of_maps += end - begin;
+            }
+        }
+        assert_ne!(bytes_of_maps % 4, 0);
+        assert_eq!(from_bytes(&bytes, "t").unwrap().models[0].patch_model.anchored.as_ref().unwrap().maps.dim().0, 5);
+    }
+
+    #[test]
+    fn the_first_nine_bytes_tell_the_format() {
+        let head = |length: u64, next: u8| [&length.to_le_bytes()[..], &[next]].concat();
+        assert!(begins_as_safetensors(&head(40, b'{')) && begins_as_safetensors(&head(u64::from(u32::MAX), b'{')));
+        assert!(!begins_as_safetensors(&head(40, b'[')));
+        assert!(!begins_as_safetensors(&head(1 << 32, b'{')));
+        assert!(!begins_as_safetensors(&head(40, b'{')[..8]));
+    }
+
+    #[test]
+    fn as_many_models_as_the_limit_says() {
+        let mut dictionary = small_dictionary(1);
+        let model = dictionary.models[0].clone();
+        dictionary.models.resize(limits::PARTS, model.clone());
+        assert_eq!(from_bytes(&to_safetensors(&dictionary).unwrap(), "t").unwrap(), dictionary);
+        dictionary.models.push(model);
+        assert!(to_safetensors(&dictionary).is_err());
+    }
 }
