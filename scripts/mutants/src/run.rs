@@ -57,9 +57,10 @@ struct Test {
     reached: Vec<u32>,
 }
 
-/// Builds the tree and tries the mutants that have no verdict yet; with `again` the survivors, too.
-pub fn run(out: &Path, mutants: &[Mutant], again: bool) -> Result<()> {
-    let programs = build(out)?;
+/// Builds the tree and tries the mutants that have no verdict yet; with `again` the survivors, too. Without
+/// `others` the unit tests alone.
+pub fn run(out: &Path, mutants: &[Mutant], again: bool, others: bool) -> Result<()> {
+    let programs = build(out, others)?;
     let runner = Runner { folder: out.join("tree/core"), scratch: out.join("tmp") };
     let tests = runner.measure(&programs, &out.join("tests.json"))?;
     let mut verdicts = read_verdicts(out)?;
@@ -89,10 +90,10 @@ pub fn run(out: &Path, mutants: &[Mutant], again: bool) -> Result<()> {
 }
 
 /// The test programs of the tree, by name; `lenslet_core` has the unit tests.
-fn build(out: &Path) -> Result<BTreeMap<String, PathBuf>> {
+fn build(out: &Path, others: bool) -> Result<BTreeMap<String, PathBuf>> {
     let mut command = Command::new("cargo");
     command.args(["test", "--release", "-p", "lenslet-core", "--no-run", "--message-format=json", "--lib"]);
-    for name in OTHER_TESTS {
+    for name in OTHER_TESTS.iter().filter(|_| others) {
         command.args(["--test", name]);
     }
     let output = command
