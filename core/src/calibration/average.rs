@@ -99,3 +99,55 @@ fn light_tables(capture: &Capture, encode: &impl Fn(f32) -> f32) -> [LightTable;
         LightTable { values }
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::container::{Cfa, Levels, RawMosaic};
+
+    fn capture(data: Vec<u16>) -> Capture {
+        let levels = Levels { black: [100.0, 110.0, 120.0, 130.0], white: [1100.0; 4] };
+        Capture::bare(RawMosaic { width: 64, height: data.len() / 64, data }, Cfa::Rggb, levels)
+    }
+
+    #[test]
+    fn light_is_a_share_of_full_scale_and_saturation_stays() {
+        // The white level itself is saturated, one below is not, and below black is negative light.
+        let mut data = vec![600u16; 64 * 64];
+        (data[0], data[2], data[4], data[6]) = (1100, 1099, 0, 5000);
+        let found = average_captures(&[capture(data.clone())], |v| v).unwrap();
+        assert_eq!((found.width, found.height, found.limit), (64, 64, [1.0; 4]));
+        assert_eq!((found.data[0], found.data[6]), (1.0, 1.0));
+        assert!((found.data[2] - 0.999).abs() < 1e-6 && (found.data[4] + 0.1).abs() < 1e-6);
+        // One plane each at the places of the tile.
+        let light = [500.0 / 1000.0, 490.0 / 990.0, 480.0 / 980.0, 470.0 / 970.0];
+        for (k, plane) in [(10, 0), (11, 1), (64 + 10, 2), (64 + 11, 3)] {
+            let (x, y) = (k % 64, k / 64);
+            assert_eq!(Cfa::Rggb.plane(x & 1, y & 1), plane);
+            assert!((found.data[k] - light[plane]).abs() < 1e-6, "{k}");
+        }
+        data[0] = 300;
+        let brighter = vec![800u16; 64 * 64];
+        let both = average_captures(&[capture(data), capture(brighter)], |v| v * v).unwrap();
+        assert!((both.data[0] - (0.2f32.powi(2) + 0.7f32.powi(2)) / 2.0).abs() < 1e-6, "{}", both.data[0]);
+        assert_eq!(both.data[6], 1.0);
+    }
+
+    #[test]
+    fn black_and_saturated_images_are_refused() {
+        let rows = |white: usize| {
+            let mut data = vec![600u16; 64 * 64];
+            data[..64 * white].fill(1100);
+            average_captures(&[capture(data)], |v| v)
+        };
+        assert!(rows(32).is_ok());
+        let Err(Error::Saturated { percent }) = rows(48) else { panic!("not refused") };
+        assert!((percent - 75.0).abs() < 1e-9);
+        let dim = |dn: u16| {
+            let levels = Levels { black: [100.0; 4], white: [1100.0; 4] };
+            let mosaic = RawMosaic { width: 64, height: 64, data: vec![dn; 64 * 64] };
+            average_captures(&[Capture::bare(mosaic, Cfa::Rggb, levels)], |v| v)
+        };
+        assert!(matches!(dim(102), Err(Error::Black { .. })) && dim(106).is_ok());
+    }
+}

@@ -214,3 +214,28 @@ fn open_checked(path: &Path, profile: Option<&str>) -> Result<Capture, Error> {
     }
     Ok(capture)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::container::{Cfa, Levels, RawMosaic, write_lfp};
+
+    #[test]
+    fn captures_larger_than_the_sensor_of_the_profile_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let sensor = CameraProfile::find("lytro-f01").unwrap().sensor;
+        for (width, height, fits) in
+            [(64, 32, true), (sensor.width, 16, true), (sensor.width + 2, 16, false), (16, sensor.height + 2, false)]
+        {
+            let path = folder.path().join(format!("{width}x{height}.lfp"));
+            let mosaic = RawMosaic { width, height, data: vec![700; width * height] };
+            let levels = Levels { black: [168.0; 4], white: [4095.0; 4] };
+            write_lfp(&path, &Capture::bare(mosaic, Cfa::Bggr, levels), false).unwrap();
+            assert!(open_captures(&[&path], None, &Silent).is_ok());
+            match open_captures(&[&path], Some("lytro-f01"), &Silent) {
+                Ok((names, _)) => assert!(fits && names == [path]),
+                Err(e) => assert!(!fits && e.to_string().contains("do not fit"), "{width}x{height}: {e}"),
+            }
+        }
+    }
+}

@@ -62,3 +62,43 @@ pub fn check_like(first: &Capture, capture: &Capture, index: usize) -> Result<()
         _ => Ok(()),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::container::{Cfa, Levels, RawMosaic};
+
+    fn capture(width: usize, height: usize) -> Capture {
+        let levels = Levels { black: [100.0; 4], white: [1100.0; 4] };
+        Capture::bare(RawMosaic { width, height, data: vec![600; width * height] }, Cfa::Bggr, levels)
+    }
+
+    #[test]
+    fn small_captures_and_wrong_levels_are_refused() {
+        assert!(check_capture(&capture(64, 64), 1).is_ok());
+        assert!(check_capture(&capture(63, 64), 1).is_err() && check_capture(&capture(64, 63), 1).is_err());
+        let mut short = capture(64, 64);
+        short.mosaic.data.pop();
+        assert!(check_capture(&short, 1).is_err());
+        for (black, white) in [(100.0, 100.0), (f32::NAN, 200.0), (0.0, f32::INFINITY), (200.0, 100.0)] {
+            let mut bad = capture(64, 64);
+            (bad.levels.black[3], bad.levels.white[3]) = (black, white);
+            assert!(matches!(check_capture(&bad, 7), Err(Error::BadImage { index: 7, .. })));
+        }
+    }
+
+    #[test]
+    fn one_size_and_one_serial_number() {
+        let first = capture(80, 64);
+        assert!(check_like(&first, &capture(80, 64), 2).is_ok());
+        assert!(matches!(check_like(&first, &capture(80, 66), 2), Err(Error::SizesDiffer { index: 2, .. })));
+        assert!(matches!(check_like(&first, &capture(82, 64), 2), Err(Error::SizesDiffer { .. })));
+        let serial = |s: &str| {
+            let mut c = capture(80, 64);
+            c.camera.serial = Some(s.into());
+            c
+        };
+        assert!(check_like(&first, &serial("A"), 2).is_ok() && check_like(&serial("A"), &serial("A"), 2).is_ok());
+        assert!(matches!(check_like(&serial("A"), &serial("B"), 3), Err(Error::CamerasDiffer { index: 3, .. })));
+    }
+}

@@ -79,3 +79,48 @@ pub fn lens_setting_differences(calibration: &Calibration, capture: &Capture) ->
     }
     lines
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::model::Lattice;
+    use crate::container::{Cfa, Levels, RawMosaic};
+    use crate::geometry::Size;
+
+    fn capture(width: usize, height: usize) -> Capture {
+        let levels = Levels { black: [0.0; 4], white: [1023.0; 4] };
+        Capture::bare(RawMosaic { width, height, data: vec![0; width * height] }, Cfa::Bggr, levels)
+    }
+
+    #[test]
+    fn size_serial_number_and_model_must_agree_where_both_state_them() {
+        let lattice = Lattice::hexagonal(10.0, 0.003, 1.0, [20.0, 15.0]);
+        let mut calibration = Calibration::of_lattice(lattice, Size::new(40, 30));
+        assert!(check_compatible(&calibration, &capture(40, 30)).is_ok());
+        assert!(check_compatible(&calibration, &capture(30, 40)).is_err());
+        calibration.origin.model = Some("ILLUM".into());
+        calibration.origin.serial = Some("A1".into());
+        let with = |model: &str, serial: &str| {
+            let mut capture = capture(40, 30);
+            capture.camera.model = Some(model.into());
+            capture.camera.serial = Some(serial.into());
+            check_compatible(&calibration, &capture)
+        };
+        assert!(with("ILLUM", "A1").is_ok() && with("B01", "A1").is_ok());
+        assert!(with("ILLUM", "A2").unwrap_err().to_string().contains("A2"));
+        assert!(with("F01", "A1").unwrap_err().to_string().contains("F01"));
+        assert!(check_compatible(&calibration, &capture(40, 30)).is_ok());
+    }
+
+    #[test]
+    fn steps_are_compared_where_both_state_them() {
+        let lattice = Lattice::hexagonal(10.0, 0.003, 1.0, [20.0, 15.0]);
+        let mut calibration = Calibration::of_lattice(lattice, Size::new(40, 30));
+        let mut taken = capture(40, 30);
+        (calibration.origin.zoom_step, calibration.origin.focus_step) = (Some(600), Some(40));
+        assert!(lens_setting_differences(&calibration, &taken).is_empty());
+        (taken.camera.zoom_step, taken.camera.focus_step) = (Some(600), Some(41));
+        let lines = lens_setting_differences(&calibration, &taken);
+        assert!(lines.len() == 1 && lines[0].contains("focus step 40") && lines[0].contains("41"), "{lines:?}");
+    }
+}

@@ -158,3 +158,22 @@ impl Error {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_file_of_the_image_is_named_but_for_an_interruption() {
+        let paths = ["a.lfp", "b.lfp"].map(std::path::PathBuf::from);
+        let named = |error: Error| match error.in_file_of(&paths) {
+            Error::InFile { path, .. } => Some(path),
+            _ => None,
+        };
+        assert_eq!(named(Error::NotBlack { index: 2 }), Some(paths[1].clone()));
+        assert_eq!(named(Error::NotBlack { index: 0 }), Some(paths[0].clone()));
+        assert_eq!(named(Error::NoImages), Some(paths[0].clone()));
+        assert_eq!(named(Error::Interrupted(crate::progress::Interrupted)), None);
+        assert_eq!(named(Error::NotBlack { index: 3 }), None);
+    }
+}

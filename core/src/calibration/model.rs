@@ -127,3 +127,17 @@ impl Calibration {
         self.lenslets.iter().map(|l| [l.x, l.y])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn confidence_is_a_product_of_shares() {
+        // 0.5 · (1 − 1/√4) · 0.8.
+        assert!((CalibrationQuality::confidence_of(0.5, 4.0, 0.8) - 0.2).abs() < 1e-12);
+        assert_eq!(CalibrationQuality::confidence_of(1.0, 0.5, 1.0), 0.0);
+        assert_eq!(CalibrationQuality::confidence_of(-0.5, 100.0, 1.0), 0.0);
+        assert!((CalibrationQuality::confidence_of(1.0, 1e12, 1.0) - 1.0).abs() < 1e-5);
+    }
+}

@@ -308,6 +308,19 @@ mod tests {
         }
     }
 
+    #[test]
+    fn components_are_upright_whatever_their_decomposition_gives() {
+        for k in 0..12 {
+            let (s, c) = (0.3 + 0.5 * f64::from(k)).sin_cos();
+            // Energy 4 along (c, s), 1 across.
+            let moments = ndarray::arr2(&[[4.0 * c * c + s * s, 3.0 * c * s], [3.0 * c * s, 4.0 * s * s + c * c]]);
+            let (filters, _) = learn_components(moments.view(), 2).unwrap();
+            for row in filters.rows() {
+                assert!(if row[0].abs() > row[1].abs() { row[0] > 0.0 } else { row[1] > 0.0 }, "{filters}");
+            }
+        }
+    }
+
     proptest! {
         #[test]
         fn extraction_is_a_dot_product(h in 1usize..12, w in 1usize..12, seed in 0u32..1000) {

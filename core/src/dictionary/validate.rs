@@ -143,4 +143,35 @@ pub(crate) mod tests {
         assert!(wrong(&|n| n.support = 8).contains("window"));
         assert!(wrong(&|n| n.layers[1].weights = Array2::zeros((9, 8))).contains("layer"));
     }
+
+    #[test]
+    fn each_range_is_checked_by_itself() {
+        let with = |change: fn(&mut PatchModel)| {
+            let mut dictionary = small_dictionary(1);
+            change(&mut dictionary.models[0].patch_model);
+            validate(&dictionary).is_ok()
+        };
+        assert!(with(|p| p.lambda = 0.0) && with(|p| p.floor = 1e-6));
+        assert!(!with(|p| p.lambda = -0.1) && !with(|p| p.lambda = f32::NAN));
+        assert!(!with(|p| p.floor = 0.0) && !with(|p| p.floor = f32::INFINITY) && !with(|p| p.floor = -1.0));
+        assert!(!with(|p| p.support = 9) && !with(|p| p.patch = 9) && !with(|p| p.support = 67));
+        assert!(!with(|p| p.filters = Array2::zeros((5, 48))));
+        let anchored = |p: &mut PatchModel| p.anchored.take().unwrap();
+        let with_anchored = |change: fn(&mut Anchored)| {
+            let mut dictionary = small_dictionary(1);
+            let mut changed = anchored(&mut dictionary.models[0].patch_model);
+            change(&mut changed);
+            dictionary.models[0].patch_model.anchored = Some(changed);
+            validate(&dictionary).is_ok()
+        };
+        assert!(with_anchored(|_| ()));
+        assert!(!with_anchored(|a| a.maps = ndarray::Array3::zeros((3, 5, 9))));
+        assert!(!with_anchored(|a| a.maps = ndarray::Array3::zeros((4, 5, 8))));
+        assert!(!with_anchored(|a| a.anchors[[2, 1]] += 0.01));
+        let mut network = small_dictionary(1);
+        let mut bad = random_network(5, &[]);
+        bad.floor = 0.0;
+        network.models[0].patch_model.network = Some(bad);
+        assert!(validate(&network).is_err());
+    }
 }

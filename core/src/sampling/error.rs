@@ -50,7 +50,9 @@ mod tests {
 
     #[test]
     fn the_largest_size_is_a_size() {
-        assert!(check_size("view", MAX_PIXELS, 1).is_ok() && check_size("view", 1, 1).is_ok());
-        assert!(check_size("view", MAX_PIXELS + 1, 1).is_err() && check_size("view", 1, 0).is_err());
+        assert!(check_size("view", Size::new(MAX_PIXELS, 1)).is_ok() && check_size("view", Size::new(1, 1)).is_ok());
+        assert!(
+            check_size("view", Size::new(MAX_PIXELS + 1, 1)).is_err() && check_size("view", Size::new(1, 0)).is_err()
+        );
     }
 }

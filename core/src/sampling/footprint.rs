@@ -256,6 +256,6 @@ mod tests {
         assert!(!asked(3.0, 0.0, [0.0, 1000.1]));
         // A cell of 0.2 square pixels, both vectors long.
         let thin = Lattice { a: [3.0, 2.0], b: [2.9, 2.0], ..Lattice::hexagonal(3.0, 0.0, 1.0, [0.0; 2]) };
-        assert!(lattice_points_in(&thin, 10, 10).is_err());
+        assert!(lattice_points_in(&thin, Size::new(10, 10)).is_err());
     }
 }

@@ -96,7 +96,7 @@ mod tests {
     #[test]
     fn pixels_on_edges_and_corners_belong_to_a_triangle() {
         let points = [[1.0, 1.0], [5.0, 1.0], [1.0, 6.0], [5.0, 6.0]];
-        let table = draw(&triangulate(&points).unwrap(), &points, 8, 9);
+        let table = draw(&triangulate(&points).unwrap(), &points, Size::new(8, 9));
         for (k, entry) in table.iter().enumerate() {
             let (x, y) = (k % 8, k / 8);
             let inside = (1..=5).contains(&x) && (1..=6).contains(&y);

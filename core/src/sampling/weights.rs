@@ -331,7 +331,7 @@ mod tests {
             (0, [20.0, 20.0], [20.0, 16.0], (80, 60)),
             (500, [200.0, 200.0], [190.0, 90.0], (80, 60)),
         ] {
-            let sensor = (400, 300);
+            let (sensor, target) = (Size::new(400, 300), Size::from(target));
             let mut centres: Vec<[f64; 2]> = (0..n)
                 .map(|k| {
                     // In an ellipse, so that the outline has many edges.
@@ -350,9 +350,9 @@ mod tests {
             let table = Weights::new(&centres, sensor, target).unwrap();
             let mesh = triangulate(&centres).unwrap();
             let points = SensorToView::new(sensor, target).all_to_view(&centres);
-            let inside = raster::draw(&mesh, &points, target.0, target.1);
+            let inside = raster::draw(&mesh, &points, target);
             for (at, _) in inside.iter().enumerate().filter(|(_, e)| e.index[0] == u32::MAX) {
-                let (s, t) = (at % target.0, at / target.0);
+                let (s, t) = (at % target.width, at / target.width);
                 let (index, weight) = table.entry(s, t).unwrap();
                 let place = |k: usize| (0..3).map(|n| f64::from(weight[n]) * points[index[n] as usize][k]).sum::<f64>();
                 let got = (place(0) - s as f64).hypot(place(1) - t as f64);

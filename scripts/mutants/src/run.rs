@@ -1,6 +1,6 @@
 //! Runs the tests that reach a mutant, from the quickest to the slowest, until one fails.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -121,13 +121,13 @@ impl Runner {
     /// Runs each test by itself; what was measured of the same programs before is read from `file`.
     fn measure(&self, programs: &BTreeMap<String, PathBuf>, file: &Path) -> Result<Vec<Test>> {
         let time = |path: &Path| std::fs::metadata(path).and_then(|m| m.modified()).ok();
-        if programs.values().all(|p| time(p) < time(file)) {
-            let mut tests: Vec<Test> = serde_json::from_slice(&std::fs::read(file)?)?;
-            tests.retain(|t| programs.values().any(|p| *p == t.program));
-            return Ok(tests);
-        }
-        let mut tests = Vec::new();
-        for program in programs.values() {
+        let mut tests: Vec<Test> = match std::fs::read(file) {
+            Ok(bytes) => serde_json::from_slice(&bytes)?,
+            Err(_) => Vec::new(),
+        };
+        tests.retain(|t| programs.values().any(|p| *p == t.program && time(p) < time(file)));
+        let known: BTreeSet<PathBuf> = tests.iter().map(|t| t.program.clone()).collect();
+        for program in programs.values().filter(|p| !known.contains(*p)) {
             let listed = Command::new(program).arg("--list").current_dir(&self.folder).output()?;
             for name in String::from_utf8_lossy(&listed.stdout).lines().filter_map(|l| l.strip_suffix(": test")) {
                 let mut test =

@@ -63,3 +63,35 @@ pub fn fit_lattice(start: &Lattice, measured: &[MeasuredLenslet]) -> Lattice {
     }
     lattice
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn outliers_do_not_move_the_lattice() {
+        let truth = Lattice::hexagonal(10.0, 0.02, 1.001, [100.3, 90.7]);
+        let mut measured: Vec<MeasuredLenslet> = (-6..=6)
+            .flat_map(|j| (-6..=6).map(move |i| (i, j)))
+            .map(|(i, j)| {
+                let [x, y] = truth.centre(i, j);
+                MeasuredLenslet::from_position(i, j, x, y)
+            })
+            .collect();
+        for (k, m) in measured.iter_mut().enumerate() {
+            if k % 9 == 0 {
+                (m.x, m.y) = (m.x + 2.5, m.y - 3.0);
+            }
+            // Not usable, and far away.
+            if k % 13 == 1 {
+                (m.x, m.usable) = (m.x + 50.0, false);
+            }
+        }
+        let start = Lattice { origin: [100.5, 90.4], a: [9.99, 0.18], ..truth };
+        let found = fit_lattice(&start, &measured);
+        for (p, q) in [(found.origin, truth.origin), (found.a, truth.a), (found.b, truth.b)] {
+            assert!((p[0] - q[0]).hypot(p[1] - q[1]) < 1e-6, "{found:?} {truth:?}");
+        }
+        assert_eq!(fit_lattice(&start, &measured[..9]), start);
+    }
+}

@@ -126,3 +126,83 @@ fn measure_lenslet(
     }
     out
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PROFILE: MicroImageProfile = MicroImageProfile { terms: [1.0, -0.5, -0.2, 0.1, -0.15], radius: 5.0 };
+
+    /// Light of one lenslet of this gain at a centre, under illumination of this slope about `at`.
+    fn image(centre: [f64; 2], gain: f64, slope: [f64; 2], at: [f64; 2]) -> SensorImage {
+        let data = (0..24 * 20)
+            .map(|k| {
+                let (x, y) = (f64::from(k % 24), f64::from(k / 24));
+                let u = ((x - centre[0]).powi(2) + (y - centre[1]).powi(2)) / 25.0;
+                let light = 1.0 + slope[0] * (x - at[0]) + slope[1] * (y - at[1]);
+                (gain * PROFILE.at(u) * light) as f32
+            })
+            .collect();
+        SensorImage { width: 24, height: 20, data, limit: [f32::INFINITY; 4] }
+    }
+
+    #[test]
+    fn a_displaced_lenslet_is_measured_by_repeated_steps() {
+        let (truth, slope) = ([11.38, 9.21], [0.01, -0.006]);
+        let mut site = PredictedLenslet { i: 3, j: -2, x: 11.0, y: 9.5, gain: 0.7, slope };
+        let mut image = image(truth, 0.7, slope, [11.0, 9.5]);
+        let first = measure_lenslet(&image, &PROFILE, &site, f64::INFINITY);
+        assert!(first.usable && (first.i, first.j) == (3, -2));
+        assert!((first.x - truth[0]).hypot(first.y - truth[1]) < 0.06, "{first:?}");
+        image = self::image(truth, 0.7, slope, truth);
+        (site.x, site.y) = (truth[0], truth[1]);
+        let found = measure_lenslet(&image, &PROFILE, &site, f64::INFINITY);
+        assert!((found.x - truth[0]).hypot(found.y - truth[1]) < 1e-4, "{found:?}");
+        assert!((found.gain - 0.7).abs() < 1e-4 && found.misfit < 1e-8, "{found:?}");
+        // Noise of one part in a hundred of the light, in a chequered pattern, has that variance.
+        for (k, v) in image.data.iter_mut().enumerate() {
+            *v += if (k + k / 24) % 2 == 0 { 0.007 } else { -0.007 };
+        }
+        let noisy = measure_lenslet(&image, &PROFILE, &site, f64::INFINITY);
+        let expected = 1e-4 / 0.75; // w is about the inverse of the profile's mean
+        assert!(noisy.misfit > 0.7 * expected && noisy.misfit < 2.0 * expected, "{noisy:?}");
+    }
+
+    #[test]
+    fn saturated_and_odd_pixels_are_left_out() {
+        let (truth, slope) = ([11.4, 9.2], [0.0; 2]);
+        let site = PredictedLenslet { i: 0, j: 0, x: 11.4, y: 9.2, gain: 0.7, slope };
+        // A limit for each place of the 2×2 tile: the brightest pixels at odd x and odd y are wrong and above it.
+        let mut saturated = image(truth, 0.7, slope, truth);
+        saturated.limit = [10.0, 10.0, 10.0, 0.68];
+        saturated.data[9 * 24 + 11] = 5.0;
+        let found = measure_lenslet(&saturated, &PROFILE, &site, f64::INFINITY);
+        assert!(found.usable && (found.x - 11.4).hypot(found.y - 9.2) < 1e-4, "{found:?}");
+        let mut spoilt = image(truth, 0.7, slope, truth);
+        spoilt.data[7 * 24 + 13] = 3.0;
+        let found = measure_lenslet(&spoilt, &PROFILE, &site, 0.2);
+        assert!(found.usable && (found.x - 11.4).hypot(found.y - 9.2) < 1e-4, "{found:?}");
+        let kept = measure_lenslet(&spoilt, &PROFILE, &site, f64::INFINITY);
+        assert!(!kept.usable || (kept.x - 11.4).hypot(kept.y - 9.2) > 0.05, "{kept:?}");
+    }
+
+    #[test]
+    fn dark_places_and_places_outside_are_not_usable() {
+        let site = PredictedLenslet { i: 0, j: 0, x: 11.4, y: 9.2, gain: 0.7, slope: [0.0; 2] };
+        let measure =
+            |image: &SensorImage, site: &PredictedLenslet| measure_lenslet(image, &PROFILE, site, f64::INFINITY);
+        let mut dark = image([11.4, 9.2], 0.7, [0.0; 2], [0.0; 2]);
+        dark.data.iter_mut().for_each(|v| *v = -*v);
+        assert!(!measure(&dark, &site).usable);
+        let bright = image([11.4, 9.2], 0.7, [0.0; 2], [0.0; 2]);
+        assert!(!measure(&bright, &PredictedLenslet { x: -20.0, ..site }).usable);
+        // Five pixels do not determine it.
+        let mut few = bright.clone();
+        few.data.iter_mut().for_each(|v| *v += 100.0);
+        few.limit = [50.0; 4];
+        for k in [0, 1, 2, 24, 25] {
+            few.data[8 * 24 + 10 + k] -= 100.0;
+        }
+        assert!(!measure(&few, &site).usable);
+    }
+}

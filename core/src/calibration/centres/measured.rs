@@ -38,3 +38,18 @@ pub fn typical_misfit(measured: &[MeasuredLenslet]) -> f64 {
     let half = all.len() / 2;
     all.select_nth_unstable_by(half, f64::total_cmp).1.sqrt()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_typical_misfit_is_the_root_of_the_median_of_usable_lenslets() {
+        let mut all = [1.0, 25.0, 9.0, 4.0]
+            .map(|misfit| MeasuredLenslet { misfit, ..MeasuredLenslet::from_position(0, 0, 1.0, 2.0) });
+        all[0].usable = false;
+        assert_eq!(typical_misfit(&all), 3.0);
+        assert_eq!(typical_misfit(&all[..1]), f64::INFINITY);
+        assert_eq!(MeasuredLenslet::from_position(0, 0, 1.0, 2.0).misfit, 0.0);
+    }
+}

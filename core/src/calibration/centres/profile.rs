@@ -106,3 +106,54 @@ pub fn fit_profile(image: &SensorImage, sites: &[PredictedLenslet], radius: f64)
     let terms = solve_small(normal, right)?;
     (terms[0] > 0.0).then(|| MicroImageProfile { terms: terms.map(|t| t / terms[0]), radius })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_profile_that_made_the_image_comes_back() {
+        let truth = MicroImageProfile { terms: [1.0, -0.5, -0.2, 0.1, -0.15], radius: 5.0 };
+        assert!((truth.at(0.5) - (1.0 - 0.25 - 0.05 + 0.0125 - 0.009_375)).abs() < 1e-12);
+        assert!((truth.contrast() - 0.75).abs() < 1e-12);
+        let start = MicroImageProfile::paraboloid(4.0);
+        assert!((start.at(1.0) - 0.4).abs() < 1e-12 && start.at(0.0) == 1.0);
+        // Lenslets up to the borders, each with its gain and slope; one is dark.
+        let sites: Vec<PredictedLenslet> = (0..12)
+            .map(|k| {
+                let (i, j) = (k % 4, k / 4);
+                PredictedLenslet {
+                    i,
+                    j,
+                    x: f64::from(i) * 12.0 + 5.3,
+                    y: f64::from(j) * 12.0 + 5.1,
+                    gain: 0.5 + 0.03 * f64::from(k),
+                    slope: [0.004, -0.003 * f64::from(i)],
+                }
+            })
+            .collect();
+        let (width, height) = (47, 34);
+        let mut data = vec![0f32; width * height];
+        for (k, v) in data.iter_mut().enumerate() {
+            let (x, y) = ((k % width) as f64, (k / width) as f64);
+            let near = sites.iter().min_by(|p, q| (p.x - x).hypot(p.y - y).total_cmp(&(q.x - x).hypot(q.y - y)));
+            let s = near.unwrap();
+            let (dx, dy) = (x - s.x, y - s.y);
+            *v = (s.gain * truth.at((dx * dx + dy * dy) / 25.0) * (1.0 + s.slope[0] * dx + s.slope[1] * dy)) as f32;
+        }
+        let mut image = SensorImage { width, height, data, limit: [f32::INFINITY; 4] };
+        let close = |found: MicroImageProfile| {
+            (0..=10).all(|k| (found.at(f64::from(k) / 10.0) - truth.at(f64::from(k) / 10.0)).abs() < 1e-4)
+        };
+        assert!(close(fit_profile(&image, &sites, 5.0).unwrap()));
+        // A saturated pixel of one place of the tile is left out.
+        image.data[5 * width + 5] = 9.0;
+        assert!(!close(fit_profile(&image, &sites, 5.0).unwrap()));
+        image.limit[3] = 8.0;
+        assert!(close(fit_profile(&image, &sites, 5.0).unwrap()));
+        image.data.iter_mut().for_each(|v| *v = -*v);
+        assert!(fit_profile(&image, &sites, 5.0).is_none());
+        let dark: Vec<PredictedLenslet> = sites.iter().map(|s| PredictedLenslet { gain: 0.0, ..*s }).collect();
+        assert!(fit_profile(&image, &dark, 5.0).is_none());
+    }
+}

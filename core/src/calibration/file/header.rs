@@ -80,3 +80,28 @@ pub fn check_lattice(l: &Lattice) -> Result<(), &'static str> {
 pub fn item_bytes<const N: usize>(from: &[u8], k: usize) -> [u8; N] {
     std::array::from_fn(|b| from[k * N + b])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn impossible_lattices_are_refused() {
+        let good = Lattice::hexagonal(10.0, 0.003, 1.0, [500.0, 400.0]);
+        assert!(check_lattice(&good).is_ok());
+        for wrong in [f64::NAN, f64::INFINITY, 1e6, -1e6] {
+            for k in 0..6 {
+                let mut bad = good;
+                match k / 2 {
+                    0 => bad.origin[k % 2] = wrong,
+                    1 => bad.a[k % 2] = wrong,
+                    _ => bad.b[k % 2] = wrong,
+                }
+                assert!(check_lattice(&bad).is_err(), "{bad:?}");
+            }
+        }
+        let cell = |height: f64| Lattice { a: [2.0, 0.0], b: [5.0, height], ..good };
+        assert!(check_lattice(&cell(0.5)).is_err() && check_lattice(&cell(-0.5)).is_err());
+        assert!(check_lattice(&cell(0.51)).is_ok() && check_lattice(&cell(-0.51)).is_ok());
+    }
+}

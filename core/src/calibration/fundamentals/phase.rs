@@ -261,3 +261,108 @@ fn fit_phase_plane(tiles: &[Tile], w: usize, nx: usize, ny: usize) -> PhasePlane
     }
     PhasePlane { slope, phase, coherence }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::model::Grid;
+    use rand::{RngExt, SeedableRng};
+
+    /// The waves of a lattice.
+    fn waves(lattice: &Lattice) -> [[f64; 2]; 2] {
+        let (a, b) = (lattice.a, lattice.b);
+        let det = a[0] * b[1] - a[1] * b[0];
+        [[b[1] / det, -b[0] / det], [-a[1] / det, a[0] / det]]
+    }
+
+    /// Light that is 1 at the lenslets of a hexagonal lattice, brighter to the right.
+    fn pattern(lattice: &Lattice, width: usize, height: usize) -> SensorImage {
+        let [f1, f2] = waves(lattice);
+        let data = (0..width * height)
+            .map(|k| {
+                let (x, y) = ((k % width) as f64 - lattice.origin[0], (k / width) as f64 - lattice.origin[1]);
+                let wave = |f: [f64; 2]| (2.0 * std::f64::consts::PI * (f[0] * x + f[1] * y)).cos();
+                let sum = wave(f1) + wave(f2) + wave([f1[0] + f2[0], f1[1] + f2[1]]);
+                ((0.4 + 0.2 * sum) * (0.5 + 0.5 * (k % width) as f64 / width as f64)) as f32
+            })
+            .collect();
+        SensorImage { width, height, data, limit: [f32::INFINITY; 4] }
+    }
+
+    fn distance(p: [f64; 2], q: [f64; 2]) -> f64 {
+        (p[0] - q[0]).hypot(p[1] - q[1])
+    }
+
+    #[test]
+    fn the_lattice_of_the_waves_comes_back_from_a_rough_start() {
+        for (width, height) in [(420, 300), (300, 500)] {
+            let middle = [(width as f64 - 1.0) / 2.0, (height as f64 - 1.0) / 2.0];
+            let truth = Lattice::hexagonal(10.0, 0.03, 1.001, [middle[0] + 1.3, middle[1] - 2.2]);
+            let image = pattern(&truth, width, height);
+            let [f1, f2] = waves(&truth);
+            let start = Fundamentals {
+                square: false,
+                f1: [f1[0] + 0.0008, f1[1] - 0.0006],
+                f2: [f2[0] - 0.0005, f2[1] + 0.0007],
+                prominence: 100.0,
+                power: 1.0,
+            };
+            let found = fit_phases(&image, &start).unwrap();
+            assert_eq!(found.lattice.grid, Grid::HexRows);
+            assert!(found.coherence > 0.99, "{}", found.coherence);
+            // Up to whole lenslets.
+            let place = |l: &Lattice, p: [f64; 2]| {
+                let [i, j] = l.coordinates(p[0], p[1]).map(|v| v.round() as i32);
+                l.centre(i, j)
+            };
+            for p in [[0.0, 0.0], [width as f64, 0.0], middle, [0.0, height as f64], [width as f64, height as f64]] {
+                let at = place(&truth, p);
+                assert!(distance(place(&found.lattice, at), at) < 0.05, "{:?} {truth:?}", found.lattice);
+            }
+            assert!(distance(found.lattice.a, truth.a) < 2e-3 && distance(found.lattice.b, truth.b) < 2e-3);
+        }
+    }
+
+    #[test]
+    fn agreement_is_one_in_phase_and_negative_between_the_lenslets() {
+        let truth = Lattice::hexagonal(10.0, 0.03, 1.001, [203.0, 151.0]);
+        let image = pattern(&truth, 420, 300);
+        assert!(phase_agreement(&image, &truth) > 0.99);
+        // Half a period along the first wave, along the second: the lesser of both counts.
+        for half in [truth.a, truth.b] {
+            let between =
+                Lattice { origin: [truth.origin[0] + half[0] / 2.0, truth.origin[1] + half[1] / 2.0], ..truth };
+            assert!(phase_agreement(&image, &between) < -0.99);
+        }
+        let quarter =
+            Lattice { origin: [truth.origin[0] + truth.b[0] / 4.0, truth.origin[1] + truth.b[1] / 4.0], ..truth };
+        assert!(phase_agreement(&image, &quarter).abs() < 0.05);
+        let other = Lattice::hexagonal(11.0, -0.05, 1.0, truth.origin);
+        assert!(phase_agreement(&image, &other).abs() < 0.5);
+    }
+
+    #[test]
+    fn a_small_image_is_one_tile_in_its_middle() {
+        let truth = Lattice::hexagonal(10.0, 0.0, 1.0, [50.2, 49.7]);
+        let image = pattern(&truth, 100, 100);
+        let tiling = Tiling::new(&image, 10.0 * 0.75f64.sqrt());
+        assert_eq!((tiling.side, tiling.nx, tiling.ny), (69, 1, 1));
+        let tiles = tiling.tiles(&image, &waves(&truth));
+        // A tile from 15 to 83; the middle of the image is at 49.5.
+        assert!((tiles[0].x + 0.5).abs() < 1e-9 && (tiles[0].y + 0.5).abs() < 1e-9, "{} {}", tiles[0].x, tiles[0].y);
+        assert!(phase_agreement(&image, &truth) > 0.99);
+        let wide = Tiling { side: 20, nx: 3, ny: 2, middle: [49.5, 49.5] };
+        let places: Vec<[f64; 2]> = wide.tiles(&image, &waves(&truth)).iter().map(|t| [t.x, t.y]).collect();
+        assert_eq!(places, [[-40.0, -40.0], [0.0, -40.0], [40.0, -40.0], [-40.0, 40.0], [0.0, 40.0], [40.0, 40.0]]);
+    }
+
+    #[test]
+    fn noise_has_no_lattice() {
+        let mut rng = rand::rngs::ChaCha8Rng::seed_from_u64(8);
+        let data = (0..300 * 300).map(|_| rng.random::<f32>()).collect();
+        let image = SensorImage { width: 300, height: 300, data, limit: [f32::INFINITY; 4] };
+        let [f1, f2] = waves(&Lattice::hexagonal(10.0, 0.03, 1.0, [0.0; 2]));
+        let start = Fundamentals { square: false, f1, f2, prominence: 20.0, power: 1.0 };
+        assert!(matches!(fit_phases(&image, &start), Err(Error::NoPattern { .. })));
+    }
+}

@@ -76,3 +76,55 @@ fn predicted_fundamentals(spectrum: &Spectrum, prior: &MlaHint) -> Option<Fundam
     let both = [along(prior.rotation), along(-prior.rotation)];
     both.into_iter().flatten().max_by(|a, b| a.power.total_cmp(&b.power))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fundamentals(f1: [f64; 2], f2: [f64; 2]) -> Fundamentals {
+        Fundamentals { square: false, f1, f2, prominence: 10.0, power: 1.0 }
+    }
+
+    #[test]
+    fn combinations_are_whole_numbers_of_both_waves() {
+        let b = fundamentals([0.1, 0.02], [-0.03, 0.11]);
+        let sum = |m: f64, n: f64| [m * b.f1[0] + n * b.f2[0], m * b.f1[1] + n * b.f2[1]];
+        assert!(is_combination_of(&b, &b));
+        assert!(is_combination_of(&fundamentals(sum(2.0, 0.0), sum(1.0, 1.0)), &b));
+        assert!(is_combination_of(&fundamentals(sum(1.05, -1.05), sum(0.0, 3.0)), &b));
+        assert!(!is_combination_of(&fundamentals(sum(1.5, 0.0), sum(0.0, 1.0)), &b));
+        assert!(!is_combination_of(&fundamentals(sum(1.0, 0.0), sum(0.0, 0.5)), &b));
+        assert!(!is_combination_of(&fundamentals(sum(1.0, 0.2), sum(0.0, 1.0)), &b));
+    }
+
+    #[test]
+    fn the_predicted_peaks_are_found_with_either_sign_of_the_rotation() {
+        let (width, height) = (512usize, 512usize);
+        let truth = crate::geometry::Lattice::hexagonal(10.0, 0.05, 1.002, [250.0, 260.0]);
+        let (a, b) = (truth.a, truth.b);
+        let det = a[0] * b[1] - a[1] * b[0];
+        let (f1, f2) = ([b[1] / det, -b[0] / det], [-a[1] / det, a[0] / det]);
+        let data = (0..width * height)
+            .map(|k| {
+                let (x, y) = ((k % width) as f64 - 250.0, (k / width) as f64 - 260.0);
+                let wave = |f: [f64; 2]| (2.0 * std::f64::consts::PI * (f[0] * x + f[1] * y)).cos();
+                (0.5 + 0.1 * (wave(f1) + wave(f2) + wave([f1[0] + f2[0], f1[1] + f2[1]]))) as f32
+            })
+            .collect();
+        let image = SensorImage { width, height, data, limit: [f32::INFINITY; 4] };
+        let spectrum = super::super::spectrum::power_spectrum(&image);
+        for rotation in [0.05, -0.05] {
+            let prior = MlaHint { pitch: 10.0, rotation, row_stretch: 1.002 };
+            let found = predicted_fundamentals(&spectrum, &prior).unwrap();
+            for (p, q) in [(found.f1, f1), (found.f2, f2)] {
+                assert!((p[0] - q[0]).hypot(p[1] - q[1]) < 1e-3, "{found:?} {f1:?} {f2:?}");
+            }
+            let (chosen, fit) = fit_with_prior(&image, &spectrum, Some(&prior)).unwrap();
+            assert!(fit.coherence > 0.99 && (fit.lattice.pitch() - 10.0).abs() < 1e-2, "{chosen:?}");
+        }
+        let wrong = MlaHint { pitch: 13.0, rotation: 0.05, row_stretch: 1.0 };
+        assert!(predicted_fundamentals(&spectrum, &wrong).is_none());
+        let (_, fit) = fit_with_prior(&image, &spectrum, Some(&wrong)).unwrap();
+        assert!((fit.lattice.pitch() - 10.0).abs() < 1e-2);
+    }
+}

@@ -36,3 +36,22 @@ pub fn equalise_channels(image: &mut SensorImage) -> [f32; 4] {
     image.scale(gains);
     gains
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_place_of_the_tile_has_the_mean_one() {
+        // Odd sides: the last column counts for no mean, but is scaled too.
+        let (width, height) = (5, 3);
+        let level = [[0.5f32, 2.0], [0.0, 4.0]];
+        let data = (0..width * height).map(|k| level[(k / width) & 1][(k % width) & 1]).collect();
+        let mut image = SensorImage { width, height, data, limit: [1.0, 3.0, 5.0, 7.0] };
+        image.data[4] = 9.0;
+        let gains = equalise_channels(&mut image);
+        assert_eq!(gains, [2.0, 0.5, 1.0, 0.25]);
+        assert_eq!(image.limit, [2.0, 1.5, 5.0, 1.75]);
+        assert_eq!(image.data, [1.0, 1.0, 1.0, 1.0, 18.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0]);
+    }
+}

@@ -244,3 +244,129 @@ fn smooth_cells(values: &[f64], columns: usize, rows: usize) -> Vec<f64> {
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Lenslets of a lattice of pitch 10 on 400×300 pixels, in this light.
+    fn lit(light: impl Fn(f64, f64) -> f64) -> Vec<MeasuredLenslet> {
+        (0..40 * 30)
+            .map(|k| {
+                let (x, y) = (f64::from(k % 40) * 10.0 + 4.5, f64::from(k / 40) * 10.0 + 4.5);
+                MeasuredLenslet { gain: light(x, y), ..MeasuredLenslet::from_position(k % 40, k / 40, x, y) }
+            })
+            .collect()
+    }
+
+    fn fitted(light: impl Fn(f64, f64) -> f64) -> Illumination {
+        Illumination::new(&lit(light), Size::new(400, 300), 10.0)
+    }
+
+    /// Coordinates from the sensor's middle, ±1 at the ends of its longer side.
+    fn from_middle(x: f64, y: f64) -> (f64, f64) {
+        ((x - 199.5) / 200.0, (y - 149.5) / 200.0)
+    }
+
+    #[test]
+    fn quartic_light_comes_back_with_its_slope() {
+        let light = |x: f64, y: f64| {
+            let (u, v) = from_middle(x, y);
+            0.8 + 0.1 * u - 0.05 * v - 0.2 * u * u + 0.1 * u * v - 0.15 * v * v + 0.05 * u * u * u - 0.04 * u * u * v
+                + 0.03 * u * v * v
+                - 0.02 * v * v * v
+                - 0.06 * u.powi(4)
+                + 0.02 * u * u * u * v
+                - 0.03 * u * u * v * v
+                + 0.01 * u * v * v * v
+                - 0.05 * v.powi(4)
+        };
+        let found = fitted(light);
+        for (x, y) in [(0.0, 0.0), (399.0, 0.0), (120.0, 250.0), (200.0, 150.0), (30.0, 299.0)] {
+            assert!((found.brightness_at(x, y) / light(x, y) - 1.0).abs() < 1e-6, "({x}, {y})");
+            let slope = found.relative_slope(x, y);
+            let truth = [light(x + 1.0, y) - light(x - 1.0, y), light(x, y + 1.0) - light(x, y - 1.0)];
+            let truth = truth.map(|d| d / 2.0 / light(x, y));
+            assert!((slope[0] - truth[0]).abs() < 1e-7 && (slope[1] - truth[1]).abs() < 1e-7, "{slope:?} {truth:?}");
+        }
+        // Shadows of one lenslet in ten do not move it.
+        let mut n = 0;
+        let mut measured = lit(light);
+        for m in &mut measured {
+            n += 1;
+            m.gain *= if n % 10 == 3 { 0.3 } else { 1.0 };
+        }
+        let robust = Illumination::new(&measured, Size::new(400, 300), 10.0);
+        assert!((robust.brightness_at(200.0, 150.0) / light(200.0, 150.0) - 1.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn what_the_polynomial_leaves_is_in_the_cells() {
+        // A bright half of a few cells; cells are 60 pixels wide.
+        let light = |x: f64, y: f64| if (180.0..240.0).contains(&x) && (120.0..180.0).contains(&y) { 0.6 } else { 0.5 };
+        let found = fitted(light);
+        assert!((found.broad_at(210.0, 150.0) / 0.5 - 1.0).abs() < 0.02);
+        // Smoothed twice by (1 2 1)/4 in both directions: 0.2 · (3/8)².
+        let peak = found.rest_at(210.0, 150.0);
+        assert!((peak - 1.0 - 0.2 * 0.140_625).abs() < 0.003, "{peak}");
+        assert!(found.rest_at(210.0, 90.0) > found.rest_at(90.0, 150.0), "the cells above and below are nearer");
+        // Towards the bright cell the light rises, from either side and direction.
+        let rest = |x: f64, y: f64| {
+            let slope = found.relative_slope(x, y);
+            let broad = |x, y| found.broad_at(x, y);
+            [
+                slope[0] - (broad(x + 1.0, y) - broad(x - 1.0, y)) / (2.0 * broad(x, y)),
+                slope[1] - (broad(x, y + 1.0) - broad(x, y - 1.0)) / (2.0 * broad(x, y)),
+            ]
+        };
+        let expected =
+            (found.rest_at(210.0, 150.0) - found.rest_at(90.0, 150.0)) / (120.0 * found.rest_at(150.0, 150.0));
+        assert!((rest(150.0, 150.0)[0] - expected).abs() < 1e-12 && expected > 1e-5, "{expected}");
+        assert!(rest(270.0, 150.0)[0] < -1e-5 && rest(210.0, 90.0)[1] > 1e-5 && rest(210.0, 210.0)[1] < -1e-5);
+        // One-sided at the border, and between the cells' centres only.
+        let border = (found.rest_at(390.0, 150.0) - found.rest_at(330.0, 150.0)) / (60.0 * found.rest_at(390.0, 150.0));
+        assert!((rest(390.0, 150.0)[0] - border).abs() < 1e-9, "{} {border}", rest(390.0, 150.0)[0]);
+    }
+
+    #[test]
+    fn steep_cells_and_odd_cells_do_not_count() {
+        let mut broad = [0.0; TERMS];
+        broad[0] = 1.0;
+        let steps = |high: f64| Illumination {
+            broad,
+            least: 0.1,
+            middle: [20.0, 15.0],
+            half: 20.0,
+            cell: 10.0,
+            columns: 4,
+            rows: 3,
+            values: [1.0, 1.0, high, high].repeat(3),
+        };
+        assert_eq!(steps(2.0).relative_slope(20.0, 15.0), [0.0; 2]);
+        let slope = steps(1.02).relative_slope(20.0, 15.0);
+        assert!((slope[0] - 0.02 / (20.0 * 1.01)).abs() < 1e-12 && slope[1] == 0.0, "{slope:?}");
+        let mut values = vec![f64::NAN, 2.0, 1.0, f64::NAN, 1.0, 1.0];
+        fill_holes(&mut values, 3, 2);
+        // (0, 0): right 2·2, below (a hole), diagonal 1·1 over the weights; the second hole likewise.
+        assert_eq!(values, [5.0 / 3.0, 2.0, 1.0, 4.0 / 3.0, 1.0, 1.0]);
+        let mut none = vec![f64::NAN; 4];
+        fill_holes(&mut none, 2, 2);
+        assert_eq!(none, [1.0; 4]);
+        let cells: Vec<f64> = (0..12).map(|k| if k == 5 { 17.0 } else { 1.0 }).collect();
+        // Four columns, three rows: only cells 5 and 6 are inside.
+        let smooth = smooth_cells(&cells, 4, 3);
+        assert_eq!((smooth[5], smooth[6]), (5.0, 3.0));
+        assert!(smooth.iter().enumerate().all(|(k, v)| k == 5 || k == 6 || *v == 1.0));
+    }
+
+    #[test]
+    fn full_light_is_that_of_the_brightest_hundredth_of_the_cells() {
+        let found = fitted(|x, _| 0.3 + 0.001 * x);
+        // Seven columns of cells, the last with its middle at 390.
+        assert!((found.full_light() - 0.69).abs() < 1e-6, "{}", found.full_light());
+        let few = Illumination::new(&lit(|_, _| 0.4)[..50], Size::new(400, 300), 10.0);
+        assert!((few.brightness_at(300.0, 200.0) - 0.4).abs() < 1e-9);
+        let none = Illumination::new(&[], Size::new(400, 300), 10.0);
+        assert_eq!(none.brightness_at(10.0, 20.0), 1.0);
+    }
+}

@@ -237,3 +237,129 @@ fn fit_distortion(
     }
     [0, 1].map(|k| solve_small(normal[k], right[k]).unwrap_or([0.0; TERMS]))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::standard_normal;
+    use rand::SeedableRng;
+    use rand::rngs::ChaCha8Rng;
+
+    const SIZE: Size = Size { width: 600, height: 500 };
+
+    fn lattice() -> Lattice {
+        Lattice::hexagonal(9.0, 0.01, 1.0, [300.0, 250.0])
+    }
+
+    /// Every lenslet of the sensor at its place plus what `off` says.
+    fn measured(mut off: impl FnMut([f64; 2]) -> [f64; 2], misfit: f64) -> Vec<MeasuredLenslet> {
+        let points = lattice().points_within(SIZE, 0.0);
+        points
+            .index
+            .iter()
+            .zip(&points.centres)
+            .map(|(&[i, j], &c)| {
+                let d = off(c);
+                MeasuredLenslet { misfit, ..MeasuredLenslet::from_position(i, j, c[0] + d[0], c[1] + d[1]) }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn scatter_and_noise_are_told_apart() {
+        let mut rng = ChaCha8Rng::seed_from_u64(4);
+        // Lenslets scattered by 0.08, measured with an error of 0.06.
+        let mut normal = |s: f64| s * standard_normal(&mut rng);
+        let all = measured(|_| [normal(0.1), normal(0.1)], 0.0036);
+        assert!(all.len() > 3000, "{}", all.len());
+        let found = shrink_centres(&lattice(), &all, SIZE);
+        assert!((found.scatter - 0.08).abs() < 0.004, "{}", found.scatter);
+        assert!((found.noise - 0.06).abs() < 0.003, "{}", found.noise);
+        assert!((found.residual_rms - 0.1 * 2f64.sqrt()).abs() < 0.004, "{}", found.residual_rms);
+        assert!(found.rejected < 1e-3);
+        let trust = 0.0064 / 0.01;
+        for (m, (centre, t)) in all.iter().zip(&found.centres) {
+            let c = lattice().centre(m.i, m.j);
+            let expected = [c[0] + trust * (m.x - c[0]), c[1] + trust * (m.y - c[1])];
+            assert!((centre[0] - expected[0]).hypot(centre[1] - expected[1]) < 0.04, "{centre:?} {expected:?}");
+            assert!((f64::from(*t) - trust).abs() < 0.04, "{t}");
+        }
+    }
+
+    #[test]
+    fn a_smooth_distortion_is_kept_and_outliers_are_not() {
+        let bend = |c: [f64; 2]| {
+            let (x, y) = ((c[0] - 300.0) / 300.0, (c[1] - 250.0) / 300.0);
+            [0.3 * x * x * x - 0.2 * x * y + 0.1, 0.25 * x * x * y + 0.15 * y * y]
+        };
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let mut all = measured(|c| bend(c).map(|d| d + 0.01 * standard_normal(&mut rng)), 1e-4);
+        let n = all.len();
+        for k in [700, 1500] {
+            all[k].x += 2.0;
+        }
+        all[900].usable = false;
+        all[1100].misfit = 6e-4; // six times the median: a bad fit
+        let found = shrink_centres(&lattice(), &all, SIZE);
+        assert!((found.rejected - 4.0 / n as f64).abs() < 1e-6, "{}", found.rejected * n as f64);
+        for (k, (m, (centre, trust))) in all.iter().zip(&found.centres).enumerate() {
+            let c = lattice().centre(m.i, m.j);
+            let d = bend(c);
+            assert!((centre[0] - c[0] - d[0]).hypot(centre[1] - c[1] - d[1]) < 0.02, "{k}: {centre:?}");
+            assert!(![700, 900, 1100, 1500].contains(&k) || *trust == 0.0);
+        }
+    }
+
+    #[test]
+    fn what_neighbours_share_counts_as_noise() {
+        let mut rng = ChaCha8Rng::seed_from_u64(6);
+        let mut all = measured(|_| [0.0; 2], 1e-6);
+        let mut row = (i32::MIN, [0.0; 2]);
+        for m in &mut all {
+            // Each row is displaced as a whole by 0.06, each lenslet by 0.08 of its own.
+            if row.0 != m.j {
+                row = (m.j, [0, 1].map(|_| 0.06 * standard_normal(&mut rng)));
+            }
+            m.x += row.1[0] + 0.08 * standard_normal(&mut rng);
+            m.y += row.1[1] + 0.08 * standard_normal(&mut rng);
+        }
+        let found = shrink_centres(&lattice(), &all, SIZE);
+        assert!((found.scatter - 0.08).abs() < 0.008, "{}", found.scatter);
+        assert!((found.noise - 0.06).abs() < 0.02, "{}", found.noise);
+        let rests: Vec<[f64; 2]> =
+            (0..all.len()).map(|k| if all[k].i % 2 == 0 { [0.2, 0.1] } else { [0.1, -0.2] }).collect();
+        let accepted = vec![true; all.len()];
+        // Products of neighbours: 0.02 − 0.02.
+        assert!(shared_scatter(&all, &rests, &accepted, 0.05).abs() < 1e-12);
+        let equal = vec![[0.1, 0.1]; all.len()];
+        assert!((shared_scatter(&all, &equal, &accepted, 0.04) - 0.25).abs() < 1e-9);
+        assert_eq!(shared_scatter(&all[..100], &equal, &accepted, 0.04), 0.0);
+        let mut one_way = equal.clone();
+        one_way.iter_mut().for_each(|r| r[1] = 0.0);
+        assert!((shared_scatter(&all, &one_way, &accepted, 0.04) - 0.125).abs() < 1e-9);
+    }
+
+    #[test]
+    fn misfits_are_compared_with_those_of_similar_brightness() {
+        let of =
+            |gain: f64, misfit: f64| MeasuredLenslet { gain, misfit, ..MeasuredLenslet::from_position(0, 0, 0.0, 0.0) };
+        let all: Vec<MeasuredLenslet> = (0..800).map(|k| of(f64::from(k), if k < 400 { 4.0 } else { 1.0 })).collect();
+        let table = MisfitTable::new(&all);
+        assert_eq!(table.levels, [4.0, 4.0, 1.0, 1.0]);
+        assert_eq!(
+            (table.misfit_at(-1.0), table.misfit_at(399.0), table.misfit_at(400.0), table.misfit_at(1e9)),
+            (4.0, 4.0, 1.0, 1.0)
+        );
+        assert_eq!(MisfitTable::new(&[]).misfit_at(1.0), f64::INFINITY);
+    }
+
+    #[test]
+    fn few_residuals_have_no_scatter() {
+        let (rests, variances) = (vec![[0.3, -0.2]; 20], vec![[1e-4; 2]; 20]);
+        assert_eq!(estimate_scatter(&rests[..19], &variances[..19], &[true; 19]), 0.0);
+        let found = estimate_scatter(&rests, &variances, &[true; 20]);
+        // The root of (0.09 − v)/v² + (0.04 − v)/v² = 0, v = τ² + 10⁻⁴.
+        assert!((found - (0.065 - 1e-4)).abs() < 1e-6, "{found}");
+        assert_eq!(estimate_scatter(&rests, &[[1.0; 2]; 20], &[true; 20]), 0.0);
+    }
+}

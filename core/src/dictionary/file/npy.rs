@@ -71,7 +71,8 @@ mod tests {
         let json: serde_json::Value = serde_json::from_slice(&text).unwrap();
         assert_eq!((&json["storage"], &json["recipe"]["seed"]), (&"i8".into(), &1.into()));
         assert_eq!((&json["models"][0]["name"], &json["models"][0]["pitch"]), (&"point".into(), &3.3.into()));
-        assert_eq!(std::fs::read_dir(&out).unwrap().count(), 1 + matrices(model).len());
+        let names = std::fs::read_dir(&out).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap());
+        assert_eq!(names.filter(|n| n.ends_with(".npy")).count(), matrices(model).len());
         assert!(export_npy(&out, &dictionary, false).is_err());
         assert!(export_npy(&out, &dictionary, true).is_ok());
     }

@@ -71,3 +71,76 @@ pub(crate) fn solve(problem: &Problem<'_>, work: &mut Work) -> Finished {
     }
     Finished { gap: f64::NAN, lambda: 0.0, iterations, ended: Ended::Converged }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::linalg::gauss_with_back_substitution;
+    use crate::sparse::{Options, Penalty, Solver, prepare, solve};
+    use ndarray::{Array1, Array2};
+    use rand::rngs::ChaCha8Rng;
+    use rand::{RngExt, SeedableRng};
+
+    /// Coefficients of the least squares fit of atoms to a signal, from the normal equations.
+    fn fit(atoms: &Array2<f64>, support: &[usize], y: &Array1<f64>) -> Vec<f64> {
+        let n = support.len();
+        let mut system = vec![0.0; n * (n + 1)];
+        for i in 0..n {
+            for j in 0..n {
+                system[i * (n + 1) + j] = atoms.row(support[i]).dot(&atoms.row(support[j]));
+            }
+            system[i * (n + 1) + n] = atoms.row(support[i]).dot(y);
+        }
+        gauss_with_back_substitution(&mut system, n, n + 1, 1e-12).unwrap();
+        (0..n).map(|i| system[i * (n + 1) + n]).collect()
+    }
+
+    /// The definition: the atom most correlated with the residual, then the fit of all so far.
+    fn plain(atoms: &Array2<f64>, y: &Array1<f64>, most: usize, nonnegative: bool) -> Vec<f64> {
+        let (mut support, mut values): (Vec<usize>, Vec<f64>) = (Vec::new(), Vec::new());
+        while support.len() < most {
+            let mut fitted: Array1<f64> = Array1::zeros(y.len());
+            for (&j, v) in support.iter().zip(&values) {
+                fitted.scaled_add(*v, &atoms.row(j));
+            }
+            let c = atoms.dot(&(y - &fitted));
+            let size = |j: usize| if nonnegative { c[j] } else { c[j].abs() };
+            let free = (0..c.len()).filter(|j| !support.contains(j) && size(*j) > 1e-6 * y.dot(y).sqrt());
+            let Some(best) = free.max_by(|&i, &j| size(i).total_cmp(&size(j))) else { break };
+            support.push(best);
+            let refit = fit(atoms, &support, y);
+            if nonnegative && refit.iter().any(|v| *v < 0.0) {
+                support.pop();
+                break;
+            }
+            values = refit;
+        }
+        let mut code = vec![0.0; atoms.nrows()];
+        support.iter().zip(values).for_each(|(&j, v)| code[j] = v);
+        code
+    }
+
+    #[test]
+    fn equals_the_definition_with_and_without_signs() {
+        let mut rng = ChaCha8Rng::seed_from_u64(11);
+        let mut atoms = Array2::from_shape_fn((60, 40), |_| rng.random::<f32>() - 0.4);
+        atoms.rows_mut().into_iter().for_each(|mut r| r /= r.dot(&r).sqrt());
+        let signals = Array2::from_shape_fn((30, 40), |_| rng.random::<f32>() - 0.3);
+        let dictionary = prepare(atoms.view()).unwrap();
+        let exact = atoms.mapv(f64::from);
+        // 36 are more than the blocked pursuit takes.
+        for (most, nonnegative) in [(1, true), (4, true), (12, true), (36, false)] {
+            let options =
+                Options { solver: Solver::Omp, penalty: Penalty::NonZeros(most), nonnegative, ..Options::default() };
+            let codes = solve(&dictionary, signals.view(), &options).unwrap().to_dense(60).unwrap();
+            let mut used = 0;
+            for (code, y) in codes.rows().into_iter().zip(signals.rows()) {
+                let truth = plain(&exact, &y.mapv(f64::from), most, nonnegative);
+                used = used.max(truth.iter().filter(|v| **v != 0.0).count());
+                for (a, b) in code.iter().zip(&truth) {
+                    assert!((f64::from(*a) - b).abs() < 1e-3 * (1.0 + b.abs()), "{most} {nonnegative}: {a} {b}");
+                }
+            }
+            assert!(used > 1 || most == 1, "{used} atoms at most");
+        }
+    }
+}
