@@ -237,3 +237,40 @@ impl Codes {
         Ok(dense)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sparse::{Options, Penalty, prepare, solve};
+
+    #[test]
+    fn products_and_objectives_are_those_of_the_dense_codes() {
+        let eye = Array2::from_shape_fn((20, 20), |(i, j)| f32::from(u8::from(i == j)));
+        let dictionary = prepare(eye.view()).unwrap();
+        // More signals than a block of the product has.
+        let signals = Array2::from_shape_fn((300, 20), |(n, i)| ((n * 31 + i * 17) % 13) as f32 / 3.0 - 2.0);
+        let options = Options { penalty: Penalty::Lambda(0.5), ..Options::default() };
+        let codes = solve(&dictionary, signals.view(), &options).unwrap();
+        let shrunk = signals.mapv(|v| v.signum() * (v.abs() - 0.5).max(0.0));
+        let dense = codes.to_dense(20).unwrap();
+        assert!(dense.iter().zip(&shrunk).all(|(a, b)| (a - b).abs() < 1e-5));
+        assert_eq!((codes.len(), codes.gaps.len(), codes.lambdas.len(), codes.iterations.len()), (300, 300, 300, 300));
+        assert_eq!(codes.nonzeros(), dense.iter().filter(|v| **v != 0.0).count());
+        assert!((codes.mean_nonzeros() - codes.nonzeros() as f64 / 300.0).abs() < 1e-12);
+        let other = Array2::from_shape_fn((20, 3), |(i, j)| (i * 3 + j) as f32 / 10.0);
+        let product = codes.multiply(other.view()).unwrap();
+        assert!(product.iter().zip(&dense.dot(&other)).all(|(a, b)| (a - b).abs() < 1e-4));
+        let objectives = codes.objectives(&dictionary, signals.view()).unwrap();
+        for (n, found) in objectives.iter().enumerate() {
+            let rest = &signals.row(n) - &dense.row(n);
+            let truth = 0.5 * rest.dot(&rest) + 0.5 * dense.row(n).iter().map(|v| v.abs()).sum::<f32>();
+            assert!((found - f64::from(truth)).abs() < 1e-4, "{n}: {found} {truth}");
+        }
+        // What does not fit is refused: fewer signals, other lengths, fewer atoms.
+        assert!(codes.objectives(&dictionary, signals.slice(ndarray::s![..299, ..])).is_err());
+        assert!(codes.objectives(&dictionary, signals.slice(ndarray::s![.., ..19])).is_err());
+        let nineteen = Array2::from_shape_fn((19, 20), |(i, j)| f32::from(u8::from(i == j)));
+        assert!(codes.objectives(&prepare(nineteen.view()).unwrap(), signals.view()).is_err());
+        assert!(codes.to_dense(19).is_err() && codes.multiply(nineteen.view()).is_err());
+    }
+}

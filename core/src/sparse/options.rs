@@ -69,3 +69,26 @@ impl Options {
         u32::try_from(self.max_iterations).unwrap_or(u32::MAX)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_range_is_checked_by_itself() {
+        let with = |change: fn(&mut Options)| {
+            let mut options = Options::default();
+            change(&mut options);
+            options.check().is_ok()
+        };
+        assert!(with(|o| o.tolerance = 0.0) && with(|o| o.max_iterations = 1));
+        assert!(!with(|o| o.tolerance = -1e-9) && !with(|o| o.tolerance = f64::NAN) && !with(|o| o.max_iterations = 0));
+        assert!(!with(|o| o.penalty = Penalty::FractionOfMax(-0.1)));
+        for solver in Solver::ALL {
+            let takes = |penalty| Options { solver, penalty, ..Options::default() }.check().is_ok();
+            assert_eq!(takes(Penalty::Lambda(0.1)), solver != Solver::Omp, "{solver:?}");
+            let counts = [Solver::Auto, Solver::Omp, Solver::Homotopy].contains(&solver);
+            assert_eq!(takes(Penalty::NonZeros(3)), counts, "{solver:?}");
+        }
+    }
+}

@@ -37,3 +37,20 @@ pub(crate) fn check_lambda(lambda: f64) -> Result<(), Error> {
     }
     Err(Error::Parameter(format!("λ must be a number of at least 0, not {}", lambda as f32)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_penalty_gives_its_lambda_or_its_number() {
+        assert_eq!(Penalty::Lambda(0.3).lambda(7.0), 0.3);
+        assert_eq!(Penalty::FractionOfMax(0.25).lambda(8.0), 2.0);
+        assert_eq!((Penalty::NonZeros(4).lambda(8.0), Penalty::NonZeros(4).nonzeros()), (0.0, Some(4)));
+        assert_eq!(Penalty::Lambda(0.3).nonzeros(), None);
+        assert!(check_lambda(0.0).is_ok() && check_lambda(1e30).is_ok());
+        assert!(
+            check_lambda(-1e-9).is_err() && check_lambda(f64::NAN).is_err() && check_lambda(f64::INFINITY).is_err()
+        );
+    }
+}

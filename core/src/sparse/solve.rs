@@ -226,3 +226,97 @@ fn solve_plainly(
     let mut entries: Vec<(u32, f32)> = work.support.iter().map(|&j| (j, work.code[j as usize])).collect();
     codes.push_unsorted(dictionary, &mut entries, &finished);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::masked::solve_weighted;
+    use super::super::options::Options;
+    use super::super::penalty::Penalty;
+    use super::super::prepared::prepare;
+    use super::*;
+    use ndarray::Array2;
+    use rand::rngs::ChaCha8Rng;
+    use rand::{RngExt, SeedableRng};
+
+    fn random(rows: usize, columns: usize, seed: u64) -> Array2<f32> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        Array2::from_shape_fn((rows, columns), |_| rng.random::<f32>() - 0.5)
+    }
+
+    fn atoms(k: usize, m: usize, seed: u64) -> Array2<f32> {
+        let mut atoms = random(k, m, seed);
+        atoms.rows_mut().into_iter().for_each(|mut r| r /= r.dot(&r).sqrt());
+        atoms
+    }
+
+    /// Ordinary problems are solved in f32, in about as many rounds as atoms enter, and the codes are those of the
+    /// exact solver. What f32 cannot finish is done again in f64, which would hide whatever is wrong with it.
+    #[test]
+    fn f32_needs_no_help_with_ordinary_problems() {
+        // Searched whole, with candidate chunks, and with supports beyond sixteen atoms.
+        for (k, m, share, n) in
+            [(40, 25, 0.2, 50), (200, 49, 0.15, 50), (600, 49, 0.15, 50), (600, 81, 0.06, 25), (250, 60, 0.04, 25)]
+        {
+            let dictionary = prepare(atoms(k, m, k as u64).view()).unwrap();
+            let signals = random(n, m, m as u64);
+            let ones = Array2::ones(signals.dim());
+            for nonnegative in [false, true] {
+                let options = Options { penalty: Penalty::FractionOfMax(share), nonnegative, ..Options::default() };
+                let found = solve(&dictionary, signals.view(), &options).unwrap();
+                let exact = Options { tolerance: 1e-12, ..options };
+                let slow = solve_weighted(&dictionary, signals.view(), ones.view(), &exact).unwrap();
+                let case = format!("{k} atoms of {m}, {nonnegative}");
+                assert!(found.all_converged(), "{case}");
+                assert!(found.redone_in_f64 * 10 <= n, "{case}: {} redone", found.redone_in_f64);
+                let (a, b) = (found.to_dense(k).unwrap(), slow.to_dense(k).unwrap());
+                let worst = (&a - &b).iter().fold(0.0f32, |m, v| m.max(v.abs()));
+                assert!(worst < 1e-2, "{case}: {worst}");
+                let rounds: u32 = found.iterations.iter().sum();
+                let entries = found.nonzeros() as f64;
+                assert!(
+                    f64::from(rounds) < 1.6 * entries + 4.0 * n as f64,
+                    "{case}: {rounds} rounds, {entries} entries"
+                );
+                for (l, s) in found.lambdas.iter().zip(&slow.lambdas) {
+                    assert!((l - s).abs() < 1e-5 * s, "{case}: {l} {s}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_first_row_that_is_not_finite_is_named() {
+        let dictionary = prepare(atoms(20, 9, 1).view()).unwrap();
+        let mut signals = random(2 * BLOCK + 7, 9, 2);
+        assert!(solve(&dictionary, signals.view(), &Options::default()).is_ok());
+        signals[[2 * BLOCK + 5, 8]] = f32::NAN;
+        signals[[BLOCK + 3, 0]] = f32::INFINITY;
+        let error = solve(&dictionary, signals.view(), &Options::default()).unwrap_err();
+        assert!(matches!(error, Error::NotFinite { row, .. } if row == BLOCK + 3), "{error}");
+        assert_eq!(first_not_finite(&[1.0, 2.0, f32::NAN, 3.0], 2), Some(1));
+        assert_eq!(first_not_finite(&[1.0, 2.0], 2), None);
+    }
+
+    #[test]
+    fn pursuit_stops_at_its_number_and_takes_the_largest() {
+        let dictionary = prepare(atoms(90, 40, 3).view()).unwrap();
+        let signals = random(60, 40, 4);
+        let mut before = vec![f64::INFINITY; 60];
+        for most in [1, 2, 8, 16, 17] {
+            let options = Options { solver: Solver::Omp, penalty: Penalty::NonZeros(most), ..Options::default() };
+            let codes = solve(&dictionary, signals.view(), &options).unwrap();
+            let errors = codes.objectives(&dictionary, signals.view()).unwrap();
+            for n in 0..60 {
+                assert_eq!(codes.signal(n).len(), most);
+                assert!(errors[n] < before[n]);
+            }
+            before = errors;
+        }
+        // A signal that one atom makes up needs no other.
+        let one = &dictionary.atoms().row(7).to_owned() * 2.5;
+        let options = Options { solver: Solver::Omp, penalty: Penalty::NonZeros(5), ..Options::default() };
+        let codes = solve(&dictionary, one.view().insert_axis(ndarray::Axis(0)), &options).unwrap();
+        let entries: Vec<(usize, f32)> = codes.signal(0).collect();
+        assert!(entries.len() == 1 && entries[0].0 == 7 && (entries[0].1 - 2.5).abs() < 1e-5, "{entries:?}");
+    }
+}

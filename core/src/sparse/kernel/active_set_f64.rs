@@ -338,3 +338,76 @@ pub(crate) fn gap_in_span(span: &[Vec<f64>], residual: &[f64]) -> f64 {
 fn inner_product(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sparse::prepared::prepare;
+
+    fn member(column: &[f64]) -> Member {
+        Member { atom: 0, value: 0.0, sign: 1.0, column: column.to_vec() }
+    }
+
+    #[test]
+    fn gram_systems_are_solved_and_singular_ones_refused() {
+        let members = [member(&[2.0, 0.0, 1.0]), member(&[1.0, 1.0, 0.0]), member(&[0.0, 1.0, 3.0])];
+        let truth = [0.7, -1.2, 0.4];
+        let gram = |i: usize, j: usize| inner_product(&members[i].column, &members[j].column);
+        let rhs: Vec<f64> = (0..3).map(|i| (0..3).map(|j| gram(i, j) * truth[j]).sum()).collect();
+        let found = solve_gram(&members, &rhs).unwrap();
+        assert!(found.iter().zip(truth).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
+        let same = [member(&[1.0, 2.0]), member(&[1.0, 2.0])];
+        assert!(solve_gram(&same, &[1.0, 1.0]).is_none());
+        assert!(is_dependent(&members[..2], &[3.0, 1.0, 1.0]) && !is_dependent(&members[..2], &[3.0, 1.0, 1.1]));
+    }
+
+    #[test]
+    fn a_dependent_atom_replaces_the_first_that_comes_to_zero() {
+        // The column is a + 2b: growing by t takes t of the first and 2t of the second, which is at zero first.
+        let mut members = vec![member(&[1.0, 0.0]), member(&[0.0, 1.0])];
+        (members[0].value, members[1].value) = (3.0, 4.0);
+        let mut error = vec![0.1, 0.2];
+        let value = starting_value(&mut members, &mut error, &[1.0, 2.0], 1.0).unwrap();
+        assert!((value - 2.0).abs() < 1e-12);
+        assert_eq!((members.len(), error.as_slice()), (1, &[0.1][..]));
+        assert!((members[0].value - 1.0).abs() < 1e-12 && members[0].column == [1.0, 0.0]);
+        // In the other sign both grow, and nothing comes to zero.
+        let mut members = vec![member(&[1.0, 0.0])];
+        members[0].value = 3.0;
+        assert!(starting_value(&mut members, &mut vec![0.0], &[2.0, 0.0], -1.0).is_none());
+        assert_eq!(starting_value(&mut members, &mut vec![0.0], &[2.0, 1.0], 1.0), Some(0.0));
+    }
+
+    #[test]
+    fn members_that_would_change_sign_leave_on_the_way() {
+        let set = || {
+            let mut members = vec![member(&[1.0, 0.0, 0.0]), member(&[0.0, 1.0, 0.0]), member(&[0.0, 0.0, 1.0])];
+            (members[0].value, members[1].value, members[2].value) = (1.0, 2.0, 1.0);
+            members
+        };
+        // The first is at zero after a half, the second after 4/5, the third moves freely.
+        let (mut members, mut error) = (set(), vec![-2.0, -2.5, 0.5]);
+        move_to_minimum(&mut members, &mut error, true);
+        assert!(members.len() == 1 && (members[0].value - 1.5).abs() < 1e-12);
+        let (mut members, mut error) = (set(), vec![-2.0, -2.5, 0.5]);
+        move_to_minimum(&mut members, &mut error, false);
+        let values: Vec<f64> = members.iter().map(|m| m.value).collect();
+        assert_eq!(values, [-1.0, -0.5, 1.5]);
+    }
+
+    #[test]
+    fn a_basis_has_a_vector_for_each_dimension_of_the_span() {
+        let s = 0.5f32.sqrt();
+        let atoms = ndarray::arr2(&[[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [s, s, 0.0], [0.0, 1.0, 0.0]]);
+        let dictionary = prepare(atoms.view()).unwrap();
+        let basis = orthonormal_basis(&dictionary, Observation::Full, 3);
+        assert_eq!(basis.len(), 2);
+        assert!(
+            (inner_product(&basis[0], &basis[0]) - 1.0).abs() < 1e-12
+                && inner_product(&basis[0], &basis[1]).abs() < 1e-12
+        );
+        assert!((gap_in_span(&basis, &[3.0, 4.0, 7.0]) - 12.5).abs() < 1e-6);
+        // Values that are hidden have no part.
+        assert_eq!(orthonormal_basis(&dictionary, Observation::Weighted(&[1.0, 0.0, 1.0]), 3).len(), 1);
+    }
+}

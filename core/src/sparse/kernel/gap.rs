@@ -26,3 +26,21 @@ pub(crate) fn inner_product<S: Lanes>(lanes: S, a: &[Chunk], b: &[[f64; 16]]) ->
     }
     lanes.wide_sum(sum)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_gap_is_primal_minus_dual() {
+        // ‖r‖² = 4, ‖φ‖₁ = 3, λ = 0.5: primal 2 + 1.5. Below λ the factor is at most 1: dual 4 − 2.
+        assert!((duality_gap(4.0, 4.0, 3.0, 0.5, 0.4) - (3.5 - 2.0)).abs() < 1e-12);
+        // Largest 1: the factor is at most a half, dual 3 − 0.5.
+        assert!((duality_gap(6.0, 4.0, 3.0, 0.5, 1.0) - (3.5 - 2.5)).abs() < 1e-12);
+        // y·r/‖r‖² = 0.25 is below it: dual 0.25 − 0.125.
+        assert!((duality_gap(1.0, 4.0, 3.0, 0.5, 1.0) - (3.5 - 0.125)).abs() < 1e-12);
+        assert!((duality_gap(-1.0, 4.0, 3.0, 0.5, 1.0) - 3.5).abs() < 1e-12);
+        assert_eq!(duality_gap(0.0, 0.0, 2.0, 0.25, 0.0), 0.5);
+        assert_eq!(duality_gap(f64::NAN, 4.0, 3.0, 0.5, 1.0), f64::INFINITY);
+    }
+}
