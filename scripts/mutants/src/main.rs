@@ -15,7 +15,8 @@
 //!
 //! All from the root of the checkout. `target/mutants` has the changed copy of it (`tree`), its build, the mutants (`mutants.json`)
 //! and what became of them (`results.json`). `run FOLDER …` tries those of the folders only;
-//! `run --unit-tests` leaves `core/tests` out, which are longer in building than in running.
+//! `run --unit-tests` leaves `core/tests` out, which are longer in building than in running; `run --longest 4` leaves out
+//! what takes more than four seconds, so a survivor costs less.
 //!
 //! First every unit test and the quick ones of `core/tests` run by themselves, to know how long each takes and which
 //! mutants it reaches (`tests.json`); a mutant then meets the tests that reach it, the quickest first, on one thread and
@@ -34,18 +35,20 @@ use std::path::Path;
 use anyhow::{Context, Result, bail, ensure};
 use tree::Mutant;
 
-const USAGE: &str = "generate [--seed N] [--per-module N] FOLDER…, run [--again] [--unit-tests] [FOLDER…] or report";
+const USAGE: &str = "generate [--seed N] [--per-module N] FOLDER…, run [--again] [--unit-tests] [--longest SECONDS] [FOLDER…] or report";
 
 fn main() -> Result<()> {
     let mut words = std::env::args().skip(1);
     let command = words.next().context(USAGE)?;
-    let (mut seed, mut per_module, mut again, mut others, mut modules) = (1, 160, false, true, Vec::new());
+    let (mut seed, mut per_module, mut modules) = (1, 160, Vec::new());
+    let (mut again, mut others, mut longest) = (false, true, f64::INFINITY);
     while let Some(word) = words.next() {
         match word.as_str() {
             "--seed" => seed = words.next().context("--seed N")?.parse()?,
             "--per-module" => per_module = words.next().context("--per-module N")?.parse()?,
             "--again" => again = true,
             "--unit-tests" => others = false,
+            "--longest" => longest = words.next().context("--longest SECONDS")?.parse()?,
             _ if word.starts_with('-') => bail!("no option {word}: {USAGE}"),
             _ => modules.push(word),
         }
@@ -64,7 +67,7 @@ fn main() -> Result<()> {
         "run" => {
             let mut mutants = read_mutants(&out)?;
             mutants.retain(|m| modules.is_empty() || modules.contains(&m.module));
-            run::run(&out, &mutants, again, others)
+            run::run(&out, &mutants, again, others, longest)
         }
         "report" => report::print_report(&root, &read_mutants(&out)?, &run::read_verdicts(&out)?),
         _ => bail!("no command {command}: {USAGE}"),

@@ -58,11 +58,12 @@ struct Test {
 }
 
 /// Builds the tree and tries the mutants that have no verdict yet; with `again` the survivors, too. Without
-/// `others` the unit tests alone.
-pub fn run(out: &Path, mutants: &[Mutant], again: bool, others: bool) -> Result<()> {
+/// `others` the unit tests alone; in any case those that take no more than `longest` seconds.
+pub fn run(out: &Path, mutants: &[Mutant], again: bool, others: bool, longest: f64) -> Result<()> {
     let programs = build(out, others)?;
     let runner = Runner { folder: out.join("tree/core"), scratch: out.join("tmp") };
-    let tests = runner.measure(&programs, &out.join("tests.json"))?;
+    let mut tests = runner.measure(&programs, &out.join("tests.json"))?;
+    tests.retain(|t| t.seconds <= longest);
     let mut verdicts = read_verdicts(out)?;
     for (k, mutant) in mutants.iter().enumerate() {
         let known = verdicts.get(&mutant.key());
