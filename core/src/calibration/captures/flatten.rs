@@ -128,4 +128,28 @@ mod tests {
             assert!((f64::from(fast[y * w + x]) - sum / n).abs() < 1e-3, "{x},{y}");
         }
     }
+
+    #[test]
+    fn dark_and_saturated_pixels_weigh_nothing() {
+        use crate::container::{Cfa, Levels, RawMosaic};
+        let levels = || Levels { black: [0.0; 4], white: [1000.0; 4] };
+        let flat = |level: u16, odd: u16| {
+            let mut data = vec![level; 80 * 80];
+            data[40 * 80 + 40] = odd;
+            flatten_capture(&Capture::bare(RawMosaic { width: 80, height: 80, data }, Cfa::Bggr, levels()), &[])
+                .unwrap()
+        };
+        // Light 0.5: the weight is 0.5/0.52; a saturated pixel among it has none.
+        let (image, weights) = flat(500, 1000);
+        assert!((weights[10 * 80 + 11] - 0.5 / 0.52).abs() < 1e-5 && (image.data[10 * 80 + 11] - 1.0).abs() < 1e-5);
+        assert_eq!(weights[40 * 80 + 40], 0.0);
+        let (image, weights) = flat(500, 998);
+        assert!(weights[40 * 80 + 40] > 0.9 && image.data[40 * 80 + 40] > 1.9);
+        // Half of the picture is dark.
+        let data = (0..160 * 80).map(|k| if k % 160 < 80 { 0 } else { 500 }).collect();
+        let half = Capture::bare(RawMosaic { width: 160, height: 80, data }, Cfa::Bggr, levels());
+        let (image, weights) = flatten_capture(&half, &[]).unwrap();
+        assert_eq!((weights[40 * 160 + 20], image.data[40 * 160 + 20]), (0.0, 1.0));
+        assert!(weights[40 * 160 + 140] > 0.9);
+    }
 }

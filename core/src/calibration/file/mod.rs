@@ -302,4 +302,14 @@ mod tests {
         lattice.a = [f64::NAN; 2];
         assert!(check_lattice(&lattice).is_err());
     }
+
+    #[test]
+    fn a_white_image_without_pixels_is_not_saved() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut camera = small();
+        for (width, height, pixels) in [(0, 0, 0), (0, 96, 0), (128, 96, 128 * 96 - 1)] {
+            camera.vignetting = Some(Vignetting { width, height, white: vec![1; pixels] });
+            assert!(matches!(save(&folder.path().join("a.calib"), &camera, false), Err(Error::Parameter(_))));
+        }
+    }
 }

@@ -35,3 +35,23 @@ pub fn read(from: &[u8], n: usize, width: usize, pixels: usize) -> Payload {
     }
     Payload { lenslets, hot_pixels: Vec::new(), white }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn arrays_follow_each_other_and_rows_are_differences() {
+        let mut bytes = Vec::new();
+        [3i32, -4].iter().chain(&[5, 6]).for_each(|v| bytes.extend(v.to_le_bytes()));
+        [1.5f64, 2.5].iter().chain(&[-0.25, 7.0]).for_each(|v| bytes.extend(v.to_le_bytes()));
+        [0.5f32, 1.0].iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+        // Two rows of three pixels.
+        [100u16, 200, 5, 65535, 10, 2].iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+        assert_eq!(bytes.len(), bytes_of(2, 6));
+        let found = read(&bytes, 2, 3, 6);
+        assert_eq!(found.lenslets[0], Lenslet { i: 3, j: 5, x: 1.5, y: -0.25, trust: 0.5 });
+        assert_eq!(found.lenslets[1], Lenslet { i: -4, j: 6, x: 2.5, y: 7.0, trust: 1.0 });
+        assert_eq!(found.white, [100, 200, 105, 65535, 10, 1]);
+    }
+}

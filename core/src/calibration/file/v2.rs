@@ -153,4 +153,13 @@ mod tests {
         planes(&values, &mut out);
         assert!((0..9).all(|k| plane::<4>(&out, 9, k) == values[k]));
     }
+
+    #[test]
+    fn centres_that_rounding_put_off_the_sensor_come_back_to_its_edge() {
+        let step = 1.0 / STEPS;
+        assert_eq!((within(-0.5 * step, 9.0), within(9.0 + 0.5 * step, 9.0)), (0.0, 9.0));
+        assert_eq!((within(3.25, 9.0), within(0.5 * step, 9.0)), (3.25, 0.5 * step));
+        assert_eq!((within(-2.0 * step, 9.0), within(9.5, 9.0)), (-2.0 * step, 9.5));
+        assert_eq!(within(9.0 - 0.5 * step, 9.0), 9.0 - 0.5 * step);
+    }
 }

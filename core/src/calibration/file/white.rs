@@ -95,4 +95,16 @@ mod tests {
         }
         assert_eq!(best_lag(&codes, width), [12, 0]);
     }
+
+    #[test]
+    fn a_pixel_is_predicted_from_one_lag_before_or_its_neighbours() {
+        // Four columns: 0 1 2 3 / 4 5 6 7 / 8 …
+        let codes: Vec<u16> = (100..120).collect();
+        let from = |k: usize, lag: [usize; 2]| predicted(&codes, k, 4, lag);
+        assert_eq!((from(6, [2, 1]), from(14, [0, 2])), (100, 106));
+        // Too near the left or the upper border for the lag: two to the left, else two above, else nothing.
+        assert_eq!((from(3, [0, 1]), from(2, [3, 0]), from(7, [0, 2])), (101, 100, 105));
+        assert_eq!((from(9, [2, 0]), from(8, [2, 0]), from(4, [2, 0]), from(0, [0, 0])), (101, 100, 0, 0));
+        assert_eq!((from(6, [0, 0]), from(9, [0, 0])), (104, 101));
+    }
 }
