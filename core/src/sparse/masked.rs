@@ -152,3 +152,29 @@ fn check_finite(what: &'static str, values: &ArrayView2<'_, f32>) -> Result<(), 
         None => Ok(()),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sparse::prepare;
+    use ndarray::{Array2, Array3};
+
+    #[test]
+    fn every_shape_must_fit() {
+        let eye = Array2::from_shape_fn((4, 4), |(i, j)| f32::from(u8::from(i == j)));
+        let dictionary = prepare(eye.view()).unwrap();
+        let solved = |n: usize, p: usize, samplings: (usize, usize, usize)| {
+            let signals = Array2::ones((n, p));
+            solve_sampled(&dictionary, signals.view(), Array3::ones(samplings).view(), &Options::default()).is_ok()
+        };
+        assert!(solved(2, 3, (2, 3, 4)));
+        assert!(!solved(2, 3, (2, 3, 5)) && !solved(2, 3, (2, 2, 4)) && !solved(3, 3, (2, 3, 4)));
+        let weighted = |weights: (usize, usize), value: f32| {
+            let signals = Array2::ones((2, 4));
+            let weights = Array2::from_elem(weights, value);
+            solve_weighted(&dictionary, signals.view(), weights.view(), &Options::default()).is_ok()
+        };
+        assert!(weighted((2, 4), 0.0) && weighted((2, 4), 2.0));
+        assert!(!weighted((2, 3), 1.0) && !weighted((1, 4), 1.0) && !weighted((2, 4), -1.0));
+    }
+}

@@ -225,3 +225,16 @@ fn similarity_order(gram: &[Chunk], k: usize, width: usize) -> Vec<u32> {
     }
     order
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn solving_runs_on_the_instructions_that_are_asked_for() {
+        let atoms = ndarray::arr2(&[[0.6f32, 0.8], [1.0, 0.0]]);
+        let dictionary = prepare(atoms.view()).unwrap();
+        assert_eq!(dictionary.simd(), Simd::best());
+        assert_eq!(dictionary.with_simd(Simd::Plain).simd(), Simd::Plain);
+    }
+}

@@ -317,4 +317,23 @@ mod tests {
         let entries: Vec<(usize, f32)> = codes.signal(0).collect();
         assert!(entries.len() == 1 && entries[0].0 == 7 && (entries[0].1 - 2.5).abs() < 1e-5, "{entries:?}");
     }
+
+    #[test]
+    fn every_solver_gives_the_exact_codes_with_and_without_signs() {
+        let dictionary = prepare(atoms(60, 30, 9).view()).unwrap();
+        let signals = random(12, 30, 10);
+        let ones = Array2::ones(signals.dim());
+        for nonnegative in [false, true] {
+            let penalty = Penalty::FractionOfMax(0.3);
+            let exact = Options { penalty, nonnegative, tolerance: 1e-12, ..Options::default() };
+            let truth = solve_weighted(&dictionary, signals.view(), ones.view(), &exact).unwrap().to_dense(60).unwrap();
+            for solver in Solver::ALL.into_iter().filter(|s| *s != Solver::Omp) {
+                let options = Options { solver, penalty, nonnegative, max_iterations: 100_000, ..Options::default() };
+                let found = solve(&dictionary, signals.view(), &options).unwrap();
+                assert!(found.all_converged(), "{solver:?} {nonnegative}");
+                let worst = (&found.to_dense(60).unwrap() - &truth).iter().fold(0.0f32, |m, v| m.max(v.abs()));
+                assert!(worst < 1e-2, "{solver:?} {nonnegative}: {worst}");
+            }
+        }
+    }
 }

@@ -369,4 +369,15 @@ mod tests {
         let none = Illumination::new(&[], Size::new(400, 300), 10.0);
         assert_eq!(none.brightness_at(10.0, 20.0), 1.0);
     }
+
+    #[test]
+    fn a_cell_takes_the_median_of_its_lenslets() {
+        // The fourth row of six in each cell, in the middle of its list, is dark.
+        let mut measured = lit(|_, _| 0.5);
+        measured.iter_mut().filter(|m| m.j % 6 == 3).for_each(|m| m.gain = 0.38);
+        let found = Illumination::new(&measured, Size::new(400, 300), 10.0);
+        for (x, y) in [(30.0, 30.0), (210.0, 150.0), (390.0, 270.0)] {
+            assert!((found.brightness_at(x, y) / 0.5 - 1.0).abs() < 0.02, "{}", found.brightness_at(x, y));
+        }
+    }
 }
