@@ -11,6 +11,7 @@ use lenslet_core::linalg::gauss_with_back_substitution;
 
 use super::basis::Basis;
 use super::footprint::SampleFootprint;
+use super::forward::interleaved;
 
 /// Frequencies an axis from 0 to half a cycle a pixel.
 ///
@@ -109,6 +110,17 @@ impl Kernel {
         Kernel { radius: self.radius, taps: self.taps.iter().map(|t| t * t).collect() }
     }
 
+    /// k ∗ every plane (rows of `width`), as samples see a picture: up to three channels, the rest 0.
+    #[must_use]
+    pub fn smooth(&self, planes: &[Vec<f32>], width: usize) -> Vec<[f32; 4]> {
+        let one = |plane: &Vec<f32>| {
+            let mut smooth = vec![0f32; plane.len()];
+            self.convolve(plane, width, &mut smooth);
+            smooth
+        };
+        interleaved(&planes.iter().map(one).collect::<Vec<_>>())
+    }
+
     /// `out` = k ∗ `picture` (rows of `width`); nothing lies outside. The kernel is symmetric, so this is its own
     /// adjoint.
     pub fn convolve(&self, picture: &[f32], width: usize, out: &mut [f32]) {
@@ -143,7 +155,7 @@ impl Kernel {
 
 #[cfg(test)]
 mod tests {
-    use super::super::forward::{Grid, interleaved};
+    use super::super::forward::Grid;
     use super::*;
 
     /// What bilinear interpolation of k ∗ wave gives at a place, against the wave's mean over the footprint.

@@ -8,7 +8,7 @@ use lenslet_core::image::box_mean;
 
 use super::basis::Basis;
 use super::conjugate_gradients::conjugate_gradients;
-use super::forward::{Grid, Row, interleaved};
+use super::forward::{Grid, Row};
 use super::kernel::Kernel;
 use super::normal_stencil::Accumulator;
 use super::prior::EdgeWeights;
@@ -213,16 +213,8 @@ fn solve_with<const N: usize>(problem: &Problem<'_>, start: Vec<Vec<f32>>, optio
     let squared = kernel.squared();
     let (mut residual, mut noise) = (0.0, f32::INFINITY);
     let plain = quantile(problem.contrast.iter().copied(), PLAIN).unwrap_or(f32::INFINITY);
-    let blur = |planes: &[Vec<f32>]| {
-        let one = |plane: &Vec<f32>| {
-            let mut smooth = vec![0f32; plane.len()];
-            kernel.convolve(plane, grid.width, &mut smooth);
-            smooth
-        };
-        interleaved(&planes.iter().map(one).collect::<Vec<_>>())
-    };
     for _ in 0..=options.reweightings {
-        let smooth = blur(&planes);
+        let smooth = kernel.smooth(&planes, grid.width);
         residual = problem.usual_residual::<N>(&smooth, f32::INFINITY);
         let scale = 1.0 / (2.0 * (1.5 * residual).max(LEAST_RESIDUAL));
         let mut sums = Accumulator::new(&grid);
@@ -260,7 +252,7 @@ fn solve_with<const N: usize>(problem: &Problem<'_>, start: Vec<Vec<f32>>, optio
             conjugate_gradients(multiply, &inverse, &target, plane, options.steps, 1e-5);
         }
     }
-    let smooth = blur(&planes);
+    let smooth = kernel.smooth(&planes, grid.width);
     Solution { planes, residual, smooth }
 }
 

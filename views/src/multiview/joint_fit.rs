@@ -1,21 +1,23 @@
 //! The joint fit: the picture that the samples of all views determine, each the mean over its footprint.
 
 use std::borrow::Cow;
+use std::ops::Range;
 
 use lenslet_core::colour::LUMINANCE_OF_LINEAR;
 use lenslet_core::geometry::Size;
+use lenslet_core::image::{Cell, bilinear_by_differences};
 use lenslet_core::progress::Observer;
 use ndarray::Array3;
 
 use super::joint_disparity::Corrections;
-use super::local_light::equalise;
+use super::local_light::{Light, equalise};
 use super::rays::{LEAST_WEIGHT, OWN, carry_samples};
 use super::sample_set::{Kind, SampleSet};
 use super::view_disparities::{ViewDisparities, steps_between};
 use super::view_models::{ViewModel, ViewRows, normalised, renew_models};
 use crate::Error;
 use crate::inverse::{
-    Basis, Grid, Kernel, Problem, Row, SampleFootprint, SolveOptions, encoding_slope, mean_contrast, solve,
+    Basis, Grid, Kernel, Problem, Row, SampleFootprint, SolveOptions, encoding_slope, mean_contrast, quantile, solve,
 };
 
 /// Rounds in which disparity and the views' models are refined.
@@ -38,16 +40,32 @@ const MODELS_FROM: usize = 2;
 /// Source: chosen.
 const WHILE_REFINING: [(usize, usize); 2] = [(1, 12), (0, 8)];
 
-/// Times the light in which views differ is found before the last solution of a view.
+/// Times the light in which views differ is found before the last solution of the middle view.
 ///
 /// Source: chosen; further ones change scores by less than 0.05 dB.
 const LIGHT_ROUNDS: usize = 2;
 
-/// Steps of the solver each of these times, and in the last solution, for each pixel that the footprint reaches: wide
-/// footprints need more.
+/// Steps of the solver each of these times and for every other view, and in the last solution of the middle one, for each
+/// pixel that the footprint reaches: wide footprints need more.
 ///
 /// Source: chosen for the time they take; 6 and 12 at every width change scores by −0.24 to 0.08 dB.
 const STEPS: [f64; 2] = [4.0, 6.5];
+
+/// How far a surface of the middle view may lie beside another view's, pixels, to be taken for the same one.
+///
+/// Source: chosen.
+const SAME_SURFACE: f32 = 1.0;
+
+/// Usual residuals of a view's own samples, root of the mean square around a place, at which half of the middle view's
+/// picture is believed there.
+///
+/// Source: chosen among 2, 4 and 8 on three light fields at S = 3 (docs/multiview.md).
+const UNFORETOLD: f32 = 4.0;
+
+/// Least usual residual, encoded values.
+///
+/// Source: chosen, half a step of 8-bit values.
+const LEAST_USUAL: f32 = 2e-3;
 
 /// What all views share: the footprint's kernel, the slope of the encoding at each sample, the views' models.
 pub(super) struct JointFit {
@@ -55,16 +73,18 @@ pub(super) struct JointFit {
     basis: Basis,
     slopes: Vec<f32>,
     models: Vec<ViewModel>,
-    /// Steps of the solver while the views' light is found, and after.
+    /// Steps of the solver while the views' light is found and for views beside the middle one; of its last solution.
     steps: [usize; 2],
+    /// The middle view's picture on its grid, one plane a channel; none before [`JointFit::prepare`].
+    middle: Vec<Vec<f32>>,
+    /// The samples' values in the light of the middle view.
+    equal: Vec<[f32; 4]>,
 }
 
-/// A view's problem before it is put together: where samples lie, whose they are, their values as this view would have
-/// them.
-struct Placed<'a> {
+/// Where samples lie in a view, and whose they are.
+struct Placed {
     rows: Vec<Row>,
     parts: Vec<ViewRows>,
-    values: Cow<'a, [[f32; 4]]>,
 }
 
 impl JointFit {
@@ -87,17 +107,13 @@ impl JointFit {
             slopes,
             models: vec![ViewModel::SAME; rows * columns],
             steps: STEPS.map(|steps| (steps * footprint.reach().max(1.0)) as usize),
+            middle: Vec::new(),
+            equal: Vec::new(),
         }
     }
 
     /// Where every sample of every view lies in the view `at`, and its weight there.
-    fn place<'a>(
-        &self,
-        set: &'a SampleSet,
-        disparities: &ViewDisparities,
-        at: (usize, usize),
-        grid: &Grid,
-    ) -> Placed<'a> {
+    fn place(&self, set: &SampleSet, disparities: &ViewDisparities, at: (usize, usize), grid: &Grid) -> Placed {
         let views = set.views();
         let target = at.0 * views.1 + at.1;
         let reach = self.kernel.radius() as f32;
@@ -128,7 +144,7 @@ impl JointFit {
             }
             parts.push(ViewRows { view: k, rows: first..rows.len() });
         }
-        Placed { rows, parts, values: self.values_as_in(set, target) }
+        Placed { rows, parts }
     }
 
     /// The samples' values as the view `target` would have them.
@@ -153,6 +169,7 @@ impl JointFit {
         &'a self,
         set: &SampleSet,
         placed: &'a Placed,
+        values: &'a [[f32; 4]],
         contrast: &'a [f32],
         at: (usize, usize),
         grid: &Grid,
@@ -163,7 +180,7 @@ impl JointFit {
             grid: *grid,
             kernel: &self.kernel,
             rows: &placed.rows,
-            values: &placed.values,
+            values,
             channels: set.channels(),
             slopes: &self.slopes,
             contrast,
@@ -171,7 +188,43 @@ impl JointFit {
         }
     }
 
-    /// Renders the view `at` (row, column).
+    /// Finds the middle view's picture, and with it the light in which the other views differ from that view.
+    ///
+    /// # Errors
+    /// Samples that cannot be interpolated.
+    pub(super) fn prepare(&mut self, set: &SampleSet, disparities: &ViewDisparities) -> Result<(), Error> {
+        let views = set.views();
+        let at = (views.0 / 2, views.1 / 2);
+        let target = at.0 * views.1 + at.1;
+        let alone = set.single(at.0, at.1)?;
+        let (h, w, _) = alone.dim();
+        let grid = self.grid(w, h);
+        let mut values = self.values_as_in(set, target).into_owned();
+        let blurred = extended(&alone, &grid);
+        let contrast = mean_contrast(&blurred, grid.width, !self.slopes.is_empty());
+        let mut planes = if self.middle.is_empty() { blurred } else { std::mem::take(&mut self.middle) };
+        if w >= 2 && h >= 2 {
+            let placed = self.place(set, disparities, at, &grid);
+            for _ in 0..LIGHT_ROUNDS {
+                let problem = self.problem(set, &placed, &values, &contrast, at, &grid);
+                let solution = solve(&problem, planes, &one_solution(self.steps[0]));
+                let mut equal = values.clone();
+                equalise(&mut equal, &problem, &solution, &placed.parts, target, set.pitch);
+                planes = solution.planes;
+                values = equal;
+            }
+            let problem = self.problem(set, &placed, &values, &contrast, at, &grid);
+            planes = solve(&problem, planes, &one_solution(self.steps[1])).planes;
+        }
+        (self.middle, self.equal) = (planes, values);
+        Ok(())
+    }
+
+    fn grid(&self, width: usize, height: usize) -> Grid {
+        Grid::around(Size::new(width, height), self.kernel.radius() + 3, self.basis)
+    }
+
+    /// Renders the view `at` (row, column): from the middle view's picture, in its light, which is given back at the end.
     pub(super) fn render_view(
         &self,
         set: &SampleSet,
@@ -183,22 +236,118 @@ impl JointFit {
         if w < 2 || h < 2 {
             return Ok(alone);
         }
-        let grid = Grid::around(Size::new(w, h), self.kernel.radius() + 3, self.basis);
-        let mut placed = self.place(set, disparities, at, &grid);
-        let mut planes = extended(&alone, &grid);
-        let contrast = mean_contrast(&planes, grid.width, !self.slopes.is_empty());
-        let target = at.0 * set.views().1 + at.1;
-        for _ in 0..LIGHT_ROUNDS {
-            let problem = self.problem(set, &placed, &contrast, at, &grid);
-            let solution = solve(&problem, planes, &one_solution(self.steps[0]));
-            let mut values = placed.values.clone().into_owned();
-            equalise(&mut values, &problem, &solution, &placed.parts, target, set.pitch);
-            planes = solution.planes;
-            placed.values = Cow::Owned(values);
-        }
-        planes = solve(&self.problem(set, &placed, &contrast, at, &grid), planes, &one_solution(self.steps[1])).planes;
+        let views = set.views();
+        let target = at.0 * views.1 + at.1;
+        let grid = self.grid(w, h);
         let m = grid.margin;
-        Ok(Array3::from_shape_fn((h, w, c), |(t, s, l)| planes[l][(t + m) * grid.width + s + m]))
+        let picture =
+            |planes: &[Vec<f32>]| Array3::from_shape_fn((h, w, c), |(t, s, l)| planes[l][(t + m) * grid.width + s + m]);
+        if at == (views.0 / 2, views.1 / 2) {
+            return Ok(picture(&self.middle));
+        }
+        let placed = self.place(set, disparities, at, &grid);
+        let planes = extended(&alone, &grid);
+        let contrast = mean_contrast(&planes, grid.width, !self.slopes.is_empty());
+        let problem = self.problem(set, &placed, &self.equal, &contrast, at, &grid);
+        let own = placed.parts.iter().find(|p| p.view == target).map_or(0..0, |p| p.rows.clone());
+        let start = self.carried_middle(disparities, target, &problem, own, set.pitch, planes);
+        let planes = solve(&problem, start, &one_solution(self.steps[0])).planes;
+        let mut picture = picture(&planes);
+        self.return_light(set, target, &mut picture);
+        Ok(picture)
+    }
+
+    /// Where the solution of the view `target` begins: the middle view's picture as this view sees it, as far as it
+    /// foretells the view's `own` rows; elsewhere, and where its surfaces are hidden, `alone`.
+    fn carried_middle(
+        &self,
+        disparities: &ViewDisparities,
+        target: usize,
+        problem: &Problem<'_>,
+        own: Range<usize>,
+        pitch: f32,
+        alone: Vec<Vec<f32>>,
+    ) -> Vec<Vec<f32>> {
+        let grid = &problem.grid;
+        let carried = self.warped_middle(disparities, target, grid, alone.clone());
+        let smooth = self.kernel.smooth(&carried, grid.width);
+        let left: Vec<([f32; 2], f32)> =
+            problem.rows[own].iter().map(|row| (grid.place(row).into(), problem.left(row, &smooth).1)).collect();
+        let usual = quantile(left.iter().map(|l| l.1), 0.5).unwrap_or(0.0).max(LEAST_USUAL);
+        let view = Size::new(grid.width - 2 * grid.margin, grid.height - 2 * grid.margin);
+        // Mean squares of what is left around each place.
+        let squares = Light::of_values(left.iter().map(|&(p, r)| (p, [r * r, 0.0, 0.0])), view, 0.5 * pitch);
+        let mut start = alone;
+        for t in 0..grid.height {
+            for s in 0..grid.width {
+                let inner = |k: usize, side: usize| k.saturating_sub(grid.margin).min(side - 1);
+                let [square, ..] = squares.at_pixel(inner(s, view.width), inner(t, view.height));
+                let unusual = square / (UNFORETOLD * usual).powi(2);
+                let share = 1.0 / (1.0 + unusual * unusual);
+                let k = t * grid.width + s;
+                for (start, carried) in start.iter_mut().zip(&carried) {
+                    start[k] += share * (carried[k] - start[k]);
+                }
+            }
+        }
+        start
+    }
+
+    /// The middle view's picture as the view `target` sees it; where its surfaces are hidden there, `alone`.
+    fn warped_middle(
+        &self,
+        disparities: &ViewDisparities,
+        target: usize,
+        grid: &Grid,
+        mut alone: Vec<Vec<f32>>,
+    ) -> Vec<Vec<f32>> {
+        let views = (disparities.rows, disparities.columns);
+        let middle = (views.0 / 2) * views.1 + views.1 / 2;
+        let [du, dv] = steps_between(views, target, middle);
+        let steps = du.abs().max(dv.abs());
+        let m = grid.margin as f32;
+        let size = Size::new(grid.width, grid.height);
+        for t in 0..grid.height {
+            for s in 0..grid.width {
+                let (x, y) = (s as f32 - m, t as f32 - m);
+                let d = disparities.at(target, x, y);
+                let (mx, my) = (x - d * du, y - d * dv);
+                let inside = |place: f32, side: usize| place + m > 0.0 && place + m < (side - 1) as f32;
+                let beside = (disparities.near(middle, mx.max(0.0), my.max(0.0)) - d) * steps;
+                if !(inside(mx, size.width) && inside(my, size.height) && beside.abs() <= SAME_SURFACE) {
+                    continue;
+                }
+                let cell = Cell::clamped(mx + m, my + m, size);
+                for (plane, middle) in alone.iter_mut().zip(&self.middle) {
+                    let corners = cell.corners(|x, y| middle[y * grid.width + x]);
+                    plane[t * grid.width + s] = bilinear_by_differences(corners, cell.fx, cell.fy);
+                }
+            }
+        }
+        alone
+    }
+
+    /// Gives a picture in the middle view's light that of the view `target`.
+    fn return_light(&self, set: &SampleSet, target: usize, picture: &mut Array3<f32>) {
+        let (h, w, c) = picture.dim();
+        let n = set.points.len();
+        let here = &self.models[target];
+        let first = target * n;
+        let own = set.points.iter().enumerate().map(|(i, p)| {
+            let (there, equal) = (&set.lanes[first + i], &self.equal[first + i]);
+            let difference = std::array::from_fn(|l| (there[l] - here.offset) / here.gain - equal[l]);
+            (*p, difference)
+        });
+        let light = Light::of_values(own, Size::new(w, h), set.pitch);
+        for t in 0..h {
+            for s in 0..w {
+                let more = light.at_pixel(s, t);
+                for l in 0..c {
+                    let value = &mut picture[[t, s, l]];
+                    *value = here.gain * (*value + more[l]) + here.offset;
+                }
+            }
+        }
     }
 
     /// Refines the middle view's disparity (unless it is known) and the views' models, in turns with its picture.
@@ -220,7 +369,7 @@ impl JointFit {
         if w < 8 || h < 8 || views.0 * views.1 < 2 {
             return Ok(());
         }
-        let grid = Grid::around(Size::new(w, h), self.kernel.radius() + 3, self.basis);
+        let grid = self.grid(w, h);
         let offsets: Vec<[f32; 2]> = (0..views.0 * views.1).map(|k| steps_between(views, k, target)).collect();
         let reach = offsets.iter().fold(1f32, |m, o| m.max(o[0].abs()).max(o[1].abs()));
         let n = set.points.len();
@@ -231,7 +380,8 @@ impl JointFit {
             let (reweightings, steps) = WHILE_REFINING[round.min(1)];
             let options = SolveOptions { reweightings, steps, ..SolveOptions::default() };
             let placed = self.place(set, disparities, at, &grid);
-            let problem = self.problem(set, &placed, &contrast, at, &grid);
+            let values = self.values_as_in(set, target);
+            let problem = self.problem(set, &placed, &values, &contrast, at, &grid);
             let solution = solve(&problem, planes, &options);
             let mut models = self.models.clone();
             let mut changed = 0;
@@ -252,6 +402,7 @@ impl JointFit {
                 break;
             }
         }
+        self.middle = planes;
         Ok(())
     }
 }

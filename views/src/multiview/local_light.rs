@@ -57,8 +57,8 @@ pub(super) fn equalise(
     }
 }
 
-/// Mean residual of one view's samples around each cell.
-struct Light {
+/// Mean of one view's light around each cell.
+pub(super) struct Light {
     width: usize,
     height: usize,
     side: f32,
@@ -66,6 +66,29 @@ struct Light {
 }
 
 impl Light {
+    /// Of values at places (x, y) of a view of `size` whose samples are `pitch` pixels apart.
+    pub(super) fn of_values(values: impl Iterator<Item = ([f32; 2], [f32; 3])>, size: Size, pitch: f32) -> Light {
+        let side = (CELL * pitch).max(LEAST_SIDE);
+        let cells = |pixels: usize| ((pixels as f32 / side).ceil() as usize).max(1);
+        let (width, height) = (cells(size.width), cells(size.height));
+        let mut sums = vec![[0f32; 4]; width * height];
+        for ([x, y], value) in values {
+            let cell = |place: f32, end: usize| (((place + 0.5).max(0.0) / side) as usize).min(end - 1);
+            let sum = &mut sums[cell(y, height) * width + cell(x, width)];
+            for (sum, value) in sum.iter_mut().zip(value) {
+                *sum += value;
+            }
+            sum[3] += 1.0;
+        }
+        Light { width, height, side, means: means_around(&sums, width, height, 0.0) }
+    }
+
+    /// At a pixel of the view.
+    pub(super) fn at_pixel(&self, s: usize, t: usize) -> [f32; 3] {
+        let place = |pixel: usize| (pixel as f32 + 0.5) / self.side - 0.5;
+        self.at(&Cell::clamped(place(s), place(t), Size::new(self.width, self.height)))
+    }
+
     fn of_view(problem: &Problem<'_>, solution: &Solution, part: &ViewRows, side: f32) -> Light {
         let grid = &problem.grid;
         let cells = |pixels: usize| ((pixels as f32 / side).ceil() as usize).max(1);
@@ -84,7 +107,7 @@ impl Light {
             }
             sum[3] += weight;
         }
-        Light { width, height, side, means: means_around(&sums, width, height) }
+        Light { width, height, side, means: means_around(&sums, width, height, HALF_BELIEVED) }
     }
 
     /// Where the pixel `k` of a grid `width` pixels wide lies among the cells.
@@ -101,8 +124,9 @@ impl Light {
     }
 }
 
-/// Binomial mean over the 3×3 cells around each: sums of weighted values and, last, of weights become means.
-fn means_around(sums: &[[f32; 4]], width: usize, height: usize) -> Vec<[f32; 4]> {
+/// Binomial mean over the 3×3 cells around each: sums of weighted values and, last, of weights become means, halved where
+/// the weights around are `half_believed`.
+fn means_around(sums: &[[f32; 4]], width: usize, height: usize, half_believed: f32) -> Vec<[f32; 4]> {
     let around = |k: usize, end: usize| k.saturating_sub(1)..(k + 2).min(end);
     let mut out = Vec::with_capacity(sums.len());
     for t in 0..height {
@@ -116,7 +140,7 @@ fn means_around(sums: &[[f32; 4]], width: usize, height: usize) -> Vec<[f32; 4]>
                     }
                 }
             }
-            let weight = sum[3] + HALF_BELIEVED / 4.0;
+            let weight = (sum[3] + half_believed / 4.0).max(f32::MIN_POSITIVE);
             out.push([sum[0] / weight, sum[1] / weight, sum[2] / weight, sum[3]]);
         }
     }

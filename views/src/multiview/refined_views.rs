@@ -55,14 +55,21 @@ impl<'a> RefinedViews<'a> {
         let mut fitted = Fitted::new(&set, &options.fit);
         if let Fitted::Joint(joint) = &mut fitted {
             joint.refine_disparities(&set, &mut disparities, options.known.is_none(), observer)?;
+            joint.prepare(&set, &disparities)?;
         }
         Ok(RefinedViews { set, disparities, fitted })
     }
 
     /// With the disparities of every view known; the joint fit takes them, and the views, as they are.
-    pub fn with_disparities(set: SampleSet<'a>, disparities: ViewDisparities, fit: Fit) -> Self {
-        let fitted = Fitted::new(&set, &fit);
-        RefinedViews { set, disparities, fitted }
+    ///
+    /// # Errors
+    /// Samples that cannot be interpolated.
+    pub fn with_disparities(set: SampleSet<'a>, disparities: ViewDisparities, fit: Fit) -> Result<Self, Error> {
+        let mut fitted = Fitted::new(&set, &fit);
+        if let Fitted::Joint(joint) = &mut fitted {
+            joint.prepare(&set, &disparities)?;
+        }
+        Ok(RefinedViews { set, disparities, fitted })
     }
 
     /// Rows and columns of views.
