@@ -245,14 +245,25 @@ fn averaged(scale: usize, side: usize, d: f64, seen: impl Fn(usize, usize) -> (f
 
 /// PSNR of the middle view of `field`, refined.
 fn refined_score(field: &LightField, side: usize, fit: Fit) -> f64 {
+    refined_view_score(field, side, fit, (2, 2), texture)
+}
+
+/// PSNR of the view `at` of `field`, refined, against what it shows at (x, y).
+fn refined_view_score(
+    field: &LightField,
+    side: usize,
+    fit: Fit,
+    at: (usize, usize),
+    truth: impl Fn(f64, f64) -> f64,
+) -> f64 {
     let target = Size::new(side, side);
     let set = SampleSet::rectangular(field, &target).unwrap();
     let image = RefinedViews::estimate(set, &Options { fit, ..Options::default() }, &Silent).unwrap();
-    let image = image.render_view(2, 2).unwrap();
+    let image = image.render_view(at.0, at.1).unwrap();
     let (mut sum, mut n) = (0.0, 0);
     for t in 15..side - 15 {
         for s in 15..side - 15 {
-            sum += (f64::from(image[[t, s, 0]]) - texture(s as f64, t as f64)).powi(2);
+            sum += (f64::from(image[[t, s, 0]]) - truth(s as f64, t as f64)).powi(2);
             n += 1;
         }
     }
@@ -280,6 +291,23 @@ fn views_may_differ_in_gain_offset_and_place() {
     let points = refined_score(&other, 160, Fit::Smooth);
     println!("alike {alike:.2}, different {different:.2}, least squares of the different {points:.2}");
     assert!(different > points + 5.0, "{different:.2} of {alike:.2}, {points:.2}");
+}
+
+/// Every view begins with the middle one's picture, in the middle one's light; its own light comes back at the end.
+#[test]
+fn a_view_beside_the_middle_keeps_its_own_light() {
+    let d = 0.83;
+    let (gain, offset) = (0.85, 0.06);
+    let field = averaged(2, 160, d, |v, u| if (v, u) == (1, 4) { (gain, offset, 0.0) } else { (1.0, 0.0, 0.0) });
+    let shows = |x: f64, y: f64| texture(x - 2.0 * d, y + d);
+    let score =
+        |fit, light: &dyn Fn(f64) -> f64| refined_view_score(&field, 160, fit, (1, 4), |x, y| light(shows(x, y)));
+    let own = |value: f64| gain * value + offset;
+    let joint = Fit::for_enlargement(2.0);
+    let (in_its_own, in_others) = (score(joint, &own), score(joint, &|value| value));
+    let points = score(Fit::Smooth, &own);
+    println!("own light {in_its_own:.2}, the others' {in_others:.2}, least squares {points:.2}");
+    assert!(in_its_own > points + 3.0 && in_its_own > in_others + 10.0, "{in_its_own:.2}, {in_others:.2}, {points:.2}");
 }
 
 #[test]

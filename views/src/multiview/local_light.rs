@@ -153,6 +153,17 @@ mod tests {
     use crate::inverse::{Basis, Grid, Kernel, Row, SampleFootprint, SolveOptions, solve};
 
     #[test]
+    fn smooth_values_at_places_come_back() {
+        let light = |x: f32, y: f32| [0.1 + 0.002 * x, 0.3 - 0.001 * y, 0.0];
+        let places = (0..900).map(|k| [2.1 * (k % 30) as f32 + 0.4, 1.9 * (k / 30) as f32]);
+        let found = Light::of_values(places.map(|[x, y]| ([x, y], light(x, y))), Size::new(63, 57), 2.0);
+        for (s, t) in [(30, 28), (12, 40), (45, 15)] {
+            let (a, b) = (found.at_pixel(s, t), light(s as f32, t as f32));
+            assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 0.002), "{s}, {t}: {a:?} {b:?}");
+        }
+    }
+
+    #[test]
     fn light_that_only_one_view_has_is_taken_out_of_it() {
         let side = 48usize;
         let basis = Basis::Quadratic;
