@@ -293,7 +293,6 @@ fn views_may_differ_in_gain_offset_and_place() {
     assert!(different > points + 5.0, "{different:.2} of {alike:.2}, {points:.2}");
 }
 
-/// Every view begins with the middle one's picture, in the middle one's light; its own light comes back at the end.
 #[test]
 fn a_view_beside_the_middle_keeps_its_own_light() {
     let d = 0.83;
@@ -306,6 +305,20 @@ fn a_view_beside_the_middle_keeps_its_own_light() {
     let joint = Fit::for_enlargement(2.0);
     let (in_its_own, in_others) = (score(joint, &own), score(joint, &|value| value));
     let points = score(Fit::Smooth, &own);
+    println!("own light {in_its_own:.2}, the others' {in_others:.2}, least squares {points:.2}");
+    assert!(in_its_own > points + 3.0 && in_its_own > in_others + 10.0, "{in_its_own:.2}, {in_others:.2}, {points:.2}");
+}
+
+/// Views of a capture begin with the middle one's picture, in its light; their own comes back at the end.
+#[test]
+fn views_that_begin_with_the_middle_one_keep_their_own_light() {
+    let (world, at) = (painted(|_, _| 0.83, resolved), (1, 4));
+    let mut samples = measured(&world, 0.0);
+    samples.values.slice_mut(s![at.0 * 5 + at.1, .., ..]).mapv_inplace(|x| 0.85 * x + 0.06);
+    let own: World = Box::new(|s, t, u, v| 0.85 * painted(|_, _| 0.83, resolved)(s, t, u, v) + 0.06);
+    let joint = Options { fit: Fit::Joint(Some(SampleFootprint::Point)), ..Options::default() };
+    let (image, points) = (one(&samples, joint, at), one(&samples, Options::default(), at));
+    let (in_its_own, in_others, points) = (seen(&image, &own, at), seen(&image, &world, at), seen(&points, &own, at));
     println!("own light {in_its_own:.2}, the others' {in_others:.2}, least squares {points:.2}");
     assert!(in_its_own > points + 3.0 && in_its_own > in_others + 10.0, "{in_its_own:.2}, {in_others:.2}, {points:.2}");
 }

@@ -54,8 +54,8 @@ impl<'a> RefinedViews<'a> {
         let mut disparities = estimate_disparities(&set, options, observer)?;
         let mut fitted = Fitted::new(&set, &options.fit);
         if let Fitted::Joint(joint) = &mut fitted {
-            joint.refine_disparities(&set, &mut disparities, options.known.is_none(), observer)?;
-            joint.prepare(&set, &disparities)?;
+            let picture = joint.refine_disparities(&set, &mut disparities, options.known.is_none(), observer)?;
+            joint.begin_with_middle(&set, &disparities, picture)?;
         }
         Ok(RefinedViews { set, disparities, fitted })
     }
@@ -67,7 +67,7 @@ impl<'a> RefinedViews<'a> {
     pub fn with_disparities(set: SampleSet<'a>, disparities: ViewDisparities, fit: Fit) -> Result<Self, Error> {
         let mut fitted = Fitted::new(&set, &fit);
         if let Fitted::Joint(joint) = &mut fitted {
-            joint.prepare(&set, &disparities)?;
+            joint.begin_with_middle(&set, &disparities, None)?;
         }
         Ok(RefinedViews { set, disparities, fitted })
     }
