@@ -54,4 +54,18 @@ mod tests {
         assert_eq!(local_maxima(&image, 2.5, 0.5), [[3, 3], [14, 6], [0, 11]]);
         assert_eq!(local_maxima(&image, 1.5, 0.5), [[3, 3], [12, 6], [14, 6], [0, 11]]);
     }
+
+    #[test]
+    fn a_pixel_below_any_neighbour_is_no_maximum() {
+        for (dx, dy) in [(1, 0), (0, 1), (1, 1), (2, 0), (0, 2)] {
+            for (first, second) in [(1.0, 2.0), (2.0, 1.0)] {
+                let mut data = vec![0f32; 81];
+                data[4 * 9 + 4] = first;
+                data[(4 + dy) * 9 + 4 + dx] = second;
+                let image = SensorImage { width: 9, height: 9, data, limit: [f32::MAX; 4] };
+                let top = if first > second { [4, 4] } else { [4 + dx, 4 + dy] };
+                assert_eq!(local_maxima(&image, 2.5, 0.5), [top]);
+            }
+        }
+    }
 }

@@ -82,4 +82,14 @@ mod tests {
         stretch_contrast(&mut flat);
         assert_eq!(flat.data, [0.4; 2]);
     }
+
+    #[test]
+    fn a_small_range_far_from_zero_is_stretched_as_well() {
+        let data: Vec<f32> = (0..10_000).map(|k| 1000.0 + k as f32 / 1024.0).collect();
+        let mut image = SensorImage { width: 100, height: 100, data, limit: [1.0; 4] };
+        stretch_contrast(&mut image);
+        for (k, &v) in image.data.iter().enumerate() {
+            assert!((v - ((k as f32 - 100.0) / 9800.0).clamp(0.0, 1.0)).abs() < 0.005, "{k}: {v}");
+        }
+    }
 }

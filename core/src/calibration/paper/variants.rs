@@ -92,4 +92,24 @@ mod tests {
             assert_eq!(l.grid, grid);
         }
     }
+
+    #[test]
+    fn whole_pixels_stay_on_the_sensor() {
+        let lattice = Lattice { grid: Grid::Square, origin: [0.3, 0.3], a: [10.0, 0.0], b: [0.0, 10.0] };
+        let places = [[99.7, 49.7], [-0.6, -0.6], [20.4, 30.6]];
+        let mut found = Calibration {
+            width: 100,
+            height: 50,
+            lattice,
+            lenslets: places.map(|[x, y]| Lenslet { i: 0, j: 0, x, y, trust: 1.0 }).to_vec(),
+            quality: CalibrationQuality::default(),
+            vignetting: None,
+            hot_pixels: Vec::new(),
+            origin: Default::default(),
+        };
+        apply_variant(&mut found, &[], CalibrationVariant::Integer, &crate::progress::Silent).unwrap();
+        let moved: Vec<[f64; 2]> = found.lenslets.iter().map(|l| [l.x, l.y]).collect();
+        assert_eq!(moved, [[99.0, 49.0], [0.0, 0.0], [20.0, 31.0]]);
+        assert!(found.origin.method.ends_with(&format!("({})", CalibrationVariant::Integer)));
+    }
 }

@@ -217,4 +217,39 @@ mod tests {
         let rms = (sum / f64::from(n)).sqrt();
         assert!(rms < 0.01, "{rms}");
     }
+
+    #[test]
+    fn saturated_pixels_are_left_out_by_the_limit_of_their_place() {
+        let lattice = Lattice { grid: Grid::Square, origin: [20.0, 20.0], a: [10.0, 0.0], b: [0.0, 10.0] };
+        for place in 0..4 {
+            let mut limit = [1.0; 4];
+            limit[place] = 0.5;
+            let image = SensorImage { width: 40, height: 40, data: vec![0.75; 1600], limit };
+            let sums = region_sums(&image, &lattice, 8, &|x, y| {
+                // Nothing is left at the place, and all of the others.
+                if (y as usize & 1) * 2 + (x as usize & 1) == place { 1000.0 } else { 1.0 }
+            });
+            let [light, shares] = sums.iter().fold([0.0; 2], |t, s| [t[0] + s[0], t[1] + s[1]]);
+            assert!((shares - 1200.0).abs() < 0.01 && (light - 900.0).abs() < 0.01, "{place}: {light} {shares}");
+        }
+    }
+
+    #[test]
+    fn a_bin_follows_the_regions() {
+        // Light 2 + x over a sensor from −1 to 1.
+        let middle = |k: usize| (2 * k + 1) as f64 / REGIONS as f64 - 1.0;
+        let sums: Vec<[f64; 2]> = (0..REGIONS * REGIONS).map(|r| [2.0 + middle(r % REGIONS), 1.0]).collect();
+        let found = fit_bin(&sums, 1, 0, 2.0);
+        assert!((found[0] - 2.0).abs() < 0.01 && (found[1] - 1.0).abs() < 0.05, "{found:?}");
+        assert!(found[2..].iter().all(|c| c.abs() < 0.01), "{found:?}");
+    }
+
+    #[test]
+    fn an_empty_bin_takes_the_mean_of_its_neighbours() {
+        // Rows of 0, 1, 2 and 3, and one bin of the row of 2 without a pixel.
+        let mut sums: Vec<[f64; 2]> = (0..16).map(|k| [(k / 4) as f64, 1.0]).collect();
+        sums[9] = [0.0; 2];
+        let found = fill_bins(&sums, 4);
+        assert!((found[9] - 2.0).abs() < 0.05, "{found:?}");
+    }
 }

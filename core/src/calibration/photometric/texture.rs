@@ -124,4 +124,28 @@ mod tests {
         let (clean, noisy) = (measured(check, 0.0), measured(check, 0.2));
         assert!(clean > 0.2 && noisy > 0.2, "{clean} {noisy}");
     }
+
+    #[test]
+    fn lenslets_that_differ_by_a_tenth_have_a_texture_of_a_tenth() {
+        // The same number for all pixels of a lenslet, uniform with a standard deviation of 0.1.
+        let scene = |x: f64, y: f64| {
+            let mut rng =
+                ChaCha8Rng::seed_from_u64((x * 100.0).round() as u64 * 1_000_003 + (y * 100.0).round() as u64);
+            1.0 + 0.1 * 12f64.sqrt() * (rand::RngExt::random::<f64>(&mut rng) - 0.5)
+        };
+        let found = measured(scene, 0.0);
+        assert!((found - 0.1).abs() < 0.01, "{found}");
+    }
+
+    #[test]
+    fn light_is_that_of_two_halves_or_none() {
+        let image = |limit: f32| {
+            let data = (0..32).map(|k| if (k % 8 / 2 + k / 16) % 2 == 0 { 1.0 } else { 3.0 }).collect();
+            SensorImage { width: 8, height: 4, data, limit: [limit; 4] }
+        };
+        assert_eq!(middle_light(&image(9.0), [3.5, 1.5], 2.0), Some([1.0, 3.0]));
+        assert_eq!(middle_light(&image(3.0), [3.5, 1.5], 2.0), None);
+        // A single tile, and no pixel of the other half.
+        assert_eq!(middle_light(&image(9.0), [0.5, 0.5], 0.9), None);
+    }
 }

@@ -410,4 +410,18 @@ mod tests {
         // Values that are hidden have no part.
         assert_eq!(orthonormal_basis(&dictionary, Observation::Weighted(&[1.0, 0.0, 1.0]), 3).len(), 1);
     }
+
+    #[test]
+    fn the_first_to_change_sign_leaves_and_the_rest_turns_back() {
+        // Inner product −1/2. Towards (−1, −0.1) from (1, 1) the first is at zero half way; without it the second goes
+        // to 0.4. The other order by symmetry.
+        let (one, two) = ([1.0, 0.0], [-0.5, 0.75f64.sqrt()]);
+        for (columns, error) in [([one, two], [-1.45, -0.1]), ([two, one], [-0.1, -1.45])] {
+            let mut members: Vec<Member> = columns.iter().map(|c| member(c)).collect();
+            members.iter_mut().for_each(|m| m.value = 1.0);
+            move_to_minimum(&mut members, &mut error.to_vec(), true);
+            assert_eq!(members.len(), 1);
+            assert!(members[0].column == two && (members[0].value - 0.4).abs() < 1e-9, "{}", members[0].value);
+        }
+    }
 }

@@ -352,3 +352,44 @@ fn correlate_panels<S: Lanes, const P: usize>(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sparse::kernel::simd::dispatch;
+    use crate::sparse::prepared::prepare;
+
+    /// From no support at all, and with a goal that cannot be reached.
+    #[test]
+    fn mixed_precision_starts_from_nothing_and_ends_at_its_rounding() {
+        let h = 0.75f32.sqrt();
+        let dictionary = prepare(ndarray::arr2(&[[1.0, 0.0], [-0.5, h]]).view()).unwrap();
+        let mut signal = [Chunk::ZERO];
+        (signal[0].0[0], signal[0].0[1]) = (1.0, 0.7);
+        for (goal, ended) in [(1e-12, Ended::Converged), (-1.0, Ended::Stalled)] {
+            let problem = MixedProblem {
+                dictionary: &dictionary,
+                signal: &signal,
+                lambda: 0.05,
+                first_lambda: 0.05,
+                goal,
+                rounds: 0,
+                max_rounds: 100,
+                nonnegative: false,
+                start: &[],
+            };
+            let mut scratch = MixedScratch::default();
+            let found = dispatch(dictionary.simd(), SolveMixed { problem, scratch: &mut scratch }).unwrap();
+            assert_eq!(found.ended, ended);
+            assert!(found.gap < 1e-12 && found.iterations < 10, "{found:?}");
+            // b − λθ = (0.95, 0.106 − 0.05), by 4/3 (1, 1/2; 1/2, 1).
+            let b = [0.95, 0.7 * f64::from(h) - 0.5 - 0.05];
+            for (atom, value) in scratch.support.members() {
+                let own = dictionary.outside(atom) as usize;
+                let expected = 4.0 / 3.0 * (b[own] + 0.5 * b[1 - own]);
+                assert!((value - expected).abs() < 1e-6, "{own}: {value} {expected}");
+            }
+            assert_eq!(scratch.support.members().count(), 2);
+        }
+    }
+}

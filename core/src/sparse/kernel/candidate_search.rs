@@ -350,3 +350,42 @@ fn count_above<S: Lanes>(lanes: S, peaks: &[Chunk], level: f32) -> u32 {
 pub(crate) fn lambda_max<S: Lanes>(lanes: S, task: &Task<'_>, correlations: &[Chunk], peaks: &mut [Chunk]) -> f32 {
     search_all(lanes, task, correlations, &[], flat(&[]), peaks)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sparse::kernel::simd::{Kernel, Simd, dispatch};
+    use crate::sparse::prepared::{Prepared, prepare};
+    use ndarray::Array2;
+
+    struct Each<'a>(&'a Prepared);
+
+    impl Kernel for Each<'_> {
+        type Out = ();
+        fn run<S: Lanes>(self, lanes: S) {
+            let dictionary = self.0;
+            let mut correlations = vec![Chunk::ZERO; dictionary.width()];
+            (flat_mut(&mut correlations)[3], flat_mut(&mut correlations)[37]) = (0.25, -0.5);
+            for (nonnegative, threshold, atom) in [(false, 0.375, 37), (true, 0.125, 3)] {
+                let task =
+                    Task { dictionary, lambda: threshold, threshold, nonnegative, keep_signs: true, max_rounds: 5 };
+                let mut peaks = vec![Chunk([-1.0; 16]); dictionary.width().div_ceil(16)];
+                let mut state = State::<1>::new();
+                let found = find_entering::<S, 1, false>(lanes, &task, &correlations, &mut state, &mut peaks);
+                assert!(matches!(found, Search::Enter(e) if e.atom == atom && 16 * e.at + e.lane == atom));
+                // One search is enough: that of all chunks' peaks was not needed.
+                assert!(flat(&peaks).iter().all(|&p| p == -1.0));
+                let satisfied = Task { threshold: 0.75, ..task };
+                let found = find_entering::<S, 1, false>(lanes, &satisfied, &correlations, &mut state, &mut peaks);
+                assert!(matches!(found, Search::Satisfied { .. }));
+            }
+        }
+    }
+
+    #[test]
+    fn the_largest_atom_enters_after_one_search() {
+        let dictionary = prepare(Array2::<f32>::eye(40).view()).unwrap();
+        dispatch(Simd::best(), Each(&dictionary));
+        dispatch(Simd::Plain, Each(&dictionary));
+    }
+}

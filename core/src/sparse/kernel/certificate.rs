@@ -129,3 +129,46 @@ fn residual_part<S: Lanes, const C: usize, const B: usize>(
     }
     r
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sparse::kernel::simd::{Kernel, Simd, dispatch};
+    use crate::sparse::prepared::prepare;
+
+    struct Each<'a>(&'a Prepared);
+
+    impl Kernel for Each<'_> {
+        type Out = ();
+        fn run<S: Lanes>(self, lanes: S) {
+            let mut signal = [Chunk::ZERO];
+            (signal[0].0[0], signal[0].0[1]) = (0.5, -1.0);
+            let gap_of = |nonnegative: bool, outside: f32| {
+                let task = Task {
+                    dictionary: self.0,
+                    lambda: 0.25,
+                    threshold: 0.25,
+                    nonnegative,
+                    keep_signs: true,
+                    max_rounds: 5,
+                };
+                let settled = Settled { outside, norm: 1.25f64.sqrt(), goal: 0.0, is_last: true, signal: &signal };
+                certified_gap(lanes, &task, &settled, &mut State::<1>::new(), &mut [[0.0; 16]])
+            };
+            // Near λ the correlations outside the support are computed anew: the largest is 1, or 0.5 with its sign.
+            for (nonnegative, largest) in [(false, 1.0), (true, 0.5)] {
+                let expected = gap::duality_gap(1.25, 1.25, 0.0, 0.25, largest);
+                assert!(expected > 0.1 && (gap_of(nonnegative, 0.25) - expected).abs() < 1e-9, "{nonnegative}");
+                // Well below it they are believed.
+                assert_eq!(gap_of(nonnegative, 0.2), 0.0);
+            }
+        }
+    }
+
+    #[test]
+    fn correlations_near_lambda_are_computed_anew() {
+        let dictionary = prepare(ndarray::arr2(&[[1.0, 0.0], [0.0, 1.0]]).view()).unwrap();
+        dispatch(Simd::best(), Each(&dictionary));
+        dispatch(Simd::Plain, Each(&dictionary));
+    }
+}

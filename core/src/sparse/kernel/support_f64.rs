@@ -358,3 +358,106 @@ impl Support {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sparse::kernel::simd::{Simd, dispatch};
+    use crate::sparse::prepared::prepare;
+    use ndarray::Array2;
+
+    /// A kernel on the fastest lanes of this processor.
+    struct Each<'a>(&'a Prepared);
+
+    impl super::super::simd::Kernel for Each<'_> {
+        type Out = ();
+        fn run<S: Lanes>(self, lanes: S) {
+            errors_are_those_of_the_residual(lanes, self.0);
+            an_entering_atom_moves_along_what_is_left_of_it(lanes, self.0);
+            a_dependent_atom_takes_a_place_of_sixteen(lanes, self.0);
+            the_first_to_change_sign_leaves(lanes, self.0);
+        }
+    }
+
+    /// Sixteen unit vectors, (e₀ + e₁)/√2, and two with the inner product −1/2 in two more dimensions.
+    fn dictionary() -> Prepared {
+        let mut atoms = Array2::<f32>::eye(18);
+        let s = 0.5f32.sqrt();
+        (atoms[[16, 16]], atoms[[16, 0]], atoms[[16, 1]]) = (0.0, s, s);
+        (atoms[[17, 17]], atoms[[17, 2]]) = (0.75f32.sqrt(), -0.5);
+        prepare(atoms.view()).unwrap()
+    }
+
+    /// The internal number of one of the caller's atoms.
+    fn number(dictionary: &Prepared, atom: u32) -> u32 {
+        (0..dictionary.atom_count() as u32).find(|&k| dictionary.outside(k) == atom).unwrap()
+    }
+
+    fn value(support: &Support, atom: u32) -> Option<f64> {
+        support.members().find(|m| m.0 == atom).map(|m| m.1)
+    }
+
+    fn errors_are_those_of_the_residual<S: Lanes>(lanes: S, dictionary: &Prepared) {
+        let mut support = Support::default();
+        let [one, two] = [3, 4].map(|k| number(dictionary, k));
+        assert!(support.take(lanes, dictionary, one, 0.5) && support.take(lanes, dictionary, two, -0.5));
+        let mut residual = [[0.0; 16]; 2];
+        (residual[0][3], residual[0][4]) = (0.25, -0.75);
+        assert_eq!(support.record_errors(lanes, dictionary, &residual, 0.125, false), 0.75);
+        assert_eq!(support.errors.as_flattened()[..2], [0.125, -0.625]);
+        assert_eq!(support.record_errors(lanes, dictionary, &residual, 0.125, true), 0.25);
+        // One step for one member is enough.
+        assert!(support.correct_values(lanes, true));
+        assert_eq!((value(&support, one), value(&support, two)), (Some(0.625), Some(-1.125)));
+        let mut single = Support::default();
+        assert!(single.take(lanes, dictionary, one, 0.5));
+        single.record_errors(lanes, dictionary, &residual, 0.125, false);
+        assert!(single.correct_values(lanes, true));
+        assert_eq!(value(&single, one), Some(0.625));
+    }
+
+    fn an_entering_atom_moves_along_what_is_left_of_it<S: Lanes>(lanes: S, dictionary: &Prepared) {
+        let mut support = Support::default();
+        let [one, two] = [2, 17].map(|k| number(dictionary, k));
+        assert!(matches!(support.add(lanes, dictionary, one, 0.5, true), Added::Along(step) if step == 0.5));
+        // The square of what is left is 3/4, and the first member moves by half of the second's value.
+        let Added::Along(step) = support.add(lanes, dictionary, two, 0.375, true) else { panic!("no step") };
+        assert!((step - 0.5).abs() < 1e-6);
+        assert!((value(&support, one).unwrap() - 0.75).abs() < 1e-6);
+        assert!((value(&support, two).unwrap() - 0.5).abs() < 1e-6);
+    }
+
+    fn a_dependent_atom_takes_a_place_of_sixteen<S: Lanes>(lanes: S, dictionary: &Prepared) {
+        let mut support = Support::default();
+        for k in 0..16 {
+            let v = if k == 1 { 0.25 } else { 0.5 };
+            assert!(support.take(lanes, dictionary, number(dictionary, k), v));
+        }
+        let both = number(dictionary, 16);
+        assert!(!support.take(lanes, dictionary, both, 1.0));
+        // e₁ comes to zero first; e₀ gives as much, and what the error asks for moves all three by little.
+        assert!(matches!(support.add(lanes, dictionary, both, 1e-9, true), Added::Otherwise));
+        assert_eq!(value(&support, number(dictionary, 1)), None);
+        assert!((value(&support, both).unwrap() - 0.25 * 2f64.sqrt()).abs() < 1e-6);
+        assert!((value(&support, number(dictionary, 0)).unwrap() - 0.25).abs() < 1e-6);
+        assert_eq!(support.members().count(), 16);
+    }
+
+    fn the_first_to_change_sign_leaves<S: Lanes>(lanes: S, dictionary: &Prepared) {
+        let mut support = Support::default();
+        let [one, two] = [2, 17].map(|k| number(dictionary, k));
+        assert!(support.take(lanes, dictionary, one, 1.0) && support.take(lanes, dictionary, two, 1.0));
+        // To (−1, −0.1): the first is at zero half way, and without it the other stays above zero, at −0.1 + 0.5.
+        support.errors[0][..2].copy_from_slice(&[-2.0 + 0.5 * 1.1, 0.5 * 2.0 - 1.1]);
+        assert!(support.correct_values(lanes, true));
+        assert_eq!(value(&support, one), None);
+        assert!((value(&support, two).unwrap() - 0.4).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_support_moves_as_it_should() {
+        let dictionary = dictionary();
+        dispatch(Simd::best(), Each(&dictionary));
+        dispatch(Simd::Plain, Each(&dictionary));
+    }
+}

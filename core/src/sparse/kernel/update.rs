@@ -220,3 +220,80 @@ fn remove_atom<S: Lanes, const C: usize>(
     flat_mut(correlations)[state.support[chunk][lane] as usize] = state.signal_correlations[chunk][lane];
     state.used[chunk] &= !(1 << lane);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sparse::kernel::simd::{Kernel, Simd, dispatch};
+    use crate::sparse::prepared::{Prepared, prepare};
+
+    /// e₀, one with the inner product −1/2 with it, and e₂; the state of a signal with the first two.
+    fn dictionary() -> Prepared {
+        let h = 0.75f32.sqrt();
+        prepare(ndarray::arr2(&[[1.0, 0.0, 0.0], [-0.5, h, 0.0], [0.0, 0.0, 1.0]]).view()).unwrap()
+    }
+
+    struct Each<'a>(&'a Prepared);
+
+    impl Kernel for Each<'_> {
+        type Out = ();
+        fn run<S: Lanes>(self, lanes: S) {
+            let dictionary = self.0;
+            let number = |atom: u32| (0..3).find(|&k| dictionary.outside(k as u32) == atom).unwrap();
+            let [a, b] = [0, 1].map(number);
+            let task = |keep_signs: bool| Task {
+                dictionary,
+                lambda: 0.25,
+                threshold: 0.25,
+                nonnegative: false,
+                keep_signs,
+                max_rounds: 9,
+            };
+            let start = |correlations: &mut [Chunk]| {
+                let mut state = State::<1>::new();
+                (flat_mut(correlations)[a], flat_mut(correlations)[b]) = (1.0, 0.5);
+                for atom in [a, b] {
+                    let entering = Entering { atom, at: atom / 16, lane: atom % 16 };
+                    assert!(add_atom::<S, 1, false>(lanes, &task(true), correlations, &mut state, entering));
+                }
+                state
+            };
+            let mut correlations = vec![Chunk::ZERO; dictionary.width()];
+            // G⁻¹ is 4/3 (1, 1/2; 1/2, 1): of (0.75, 0.25) that is (7/6, 5/6).
+            let mut state = start(&mut correlations);
+            let near = |v: &[f32], to: &[f32]| v.iter().zip(to).all(|(a, b)| (a - b).abs() < 1e-5);
+            assert!(near(state.values(), &[7.0 / 6.0, 5.0 / 6.0]), "{:?}", state.values());
+            assert!(near(&[flat(&correlations)[a], flat(&correlations)[b]], &[0.75, 0.25]));
+            // A lower λ moves both by 0.15 · 4/3 · 3/2, and so do their correlations less λθ by 0.15.
+            assert!(lower_lambda(lanes, 0.25, 0.1, &mut correlations, &mut state));
+            assert!(near(state.values(), &[7.0 / 6.0 + 0.3, 5.0 / 6.0 + 0.3]));
+            assert!(near(&[flat(&correlations)[a], flat(&correlations)[b]], &[0.9, 0.4]));
+            // Towards (−0.1, −1) from (1, 1) the second is at zero first, half way; the other goes to 0.4 then.
+            for (target, stays) in [([-0.1, -1.0], 0), ([-1.0, -0.1], 1)] {
+                let mut state = start(&mut correlations);
+                (state.phi[0].0[0], state.phi[0].0[1]) = (1.0, 1.0);
+                let mut to = [Chunk::ZERO; 1];
+                (to[0].0[0], to[0].0[1]) = (target[0], target[1]);
+                assert!(move_to::<S, 1>(lanes, &mut state, &mut correlations, &mut to));
+                let mut expected = [0.0; 2];
+                expected[stays] = 0.4;
+                assert!(near(state.values(), &expected), "{:?}", state.values());
+                assert_eq!(state.used, [1 << stays]);
+                // Who left has the correlation of the signal again, and its place is free.
+                assert_eq!(flat(&correlations)[[b, a][stays]], [0.5, 1.0][stays]);
+                assert_eq!(state.free_place(), Some(1 - stays));
+                // A place without a member has no sign that could change.
+                state.error = [[0.0; 16]];
+                assert!(state.correct_values());
+                assert!(near(state.values(), &expected));
+            }
+        }
+    }
+
+    #[test]
+    fn values_move_to_the_minimum_and_the_first_to_change_sign_leaves() {
+        let dictionary = dictionary();
+        dispatch(Simd::best(), Each(&dictionary));
+        dispatch(Simd::Plain, Each(&dictionary));
+    }
+}

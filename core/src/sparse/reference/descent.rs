@@ -73,3 +73,47 @@ fn minimise_coordinate(problem: &Problem<'_>, work: &mut Work, j: usize, lambda:
     }
     change.abs()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sparse::prepared::prepare;
+
+    #[test]
+    fn descent_ends_at_once_with_nothing_to_do_and_where_rounding_stops_it() {
+        let h = 0.75f32.sqrt();
+        let dictionary = prepare(ndarray::arr2(&[[1.0, 0.0], [-0.5, h]]).view()).unwrap();
+        let solve_for = |signal: [f32; 2], goal: f64| {
+            let atoms = [0, 1].map(|k| dictionary.atom(k));
+            let correlations = atoms.map(|a| a[0] * signal[0] + a[1] * signal[1]);
+            let lambda_max = correlations.iter().fold(0.0f32, |m, c| m.max(c.abs()));
+            let problem = Problem {
+                dictionary: &dictionary,
+                signal: &signal,
+                correlations: &correlations,
+                lambda_max,
+                lambda: 0.1 * lambda_max,
+                goal,
+                max_iterations: 100_000,
+                nonnegative: false,
+                max_nonzeros: usize::MAX,
+            };
+            let mut work = Work::new(&dictionary);
+            let finished = solve(&problem, &mut work);
+            // The gap computed the gradient anew, whatever it held.
+            work.gradient.fill(9.0);
+            work.gap(&problem);
+            for (k, &g) in work.gradient.iter().enumerate() {
+                let atom = dictionary.atom(k).iter();
+                let exact: f64 = atom.zip(&work.residual).map(|(&a, r)| f64::from(a) * r).sum();
+                assert!((f64::from(g) - exact).abs() < 1e-6, "{k}: {g} {exact}");
+            }
+            finished
+        };
+        let nothing = solve_for([0.0; 2], 0.0);
+        assert_eq!((nothing.ended, nothing.iterations), (Ended::Converged, 2));
+        let stopped = solve_for([1.0, 0.7], -1.0);
+        assert_eq!(stopped.ended, Ended::Stalled);
+        assert!(stopped.iterations < 200 && stopped.gap < 1e-6, "{stopped:?}");
+    }
+}
