@@ -62,7 +62,7 @@ struct Test {
 pub fn run(out: &Path, mutants: &[Mutant], again: bool, others: bool, longest: f64) -> Result<()> {
     let programs = build(out, others)?;
     let runner = Runner { folder: out.join("tree/core"), scratch: out.join("tmp") };
-    let mut tests = runner.measure(&programs, &out.join("tests.json"))?;
+    let mut tests = runner.measure(&programs, &out.join("tests.json"), longest)?;
     tests.retain(|t| t.seconds <= longest);
     let mut verdicts = read_verdicts(out)?;
     for (k, mutant) in mutants.iter().enumerate() {
@@ -119,18 +119,27 @@ struct Runner {
 }
 
 impl Runner {
-    /// Runs each test by itself; what was measured of the same programs before is read from `file`.
-    fn measure(&self, programs: &BTreeMap<String, PathBuf>, file: &Path) -> Result<Vec<Test>> {
+    /// Runs each test by itself; what was measured of the same programs before is read from `file`. Those that took more
+    /// than `longest` seconds the last time are left out.
+    fn measure(&self, programs: &BTreeMap<String, PathBuf>, file: &Path, longest: f64) -> Result<Vec<Test>> {
         let time = |path: &Path| std::fs::metadata(path).and_then(|m| m.modified()).ok();
         let mut tests: Vec<Test> = match std::fs::read(file) {
             Ok(bytes) => serde_json::from_slice(&bytes)?,
             Err(_) => Vec::new(),
         };
+        let long: BTreeSet<String> = tests.iter().filter(|t| t.seconds > longest).map(|t| t.name.clone()).collect();
         tests.retain(|t| programs.values().any(|p| *p == t.program && time(p) < time(file)));
-        let known: BTreeSet<PathBuf> = tests.iter().map(|t| t.program.clone()).collect();
-        for program in programs.values().filter(|p| !known.contains(*p)) {
+        let known: BTreeSet<(PathBuf, String)> = tests.iter().map(|t| (t.program.clone(), t.name.clone())).collect();
+        for program in programs.values() {
             let listed = Command::new(program).arg("--list").current_dir(&self.folder).output()?;
             for name in String::from_utf8_lossy(&listed.stdout).lines().filter_map(|l| l.strip_suffix(": test")) {
+                if known.contains(&(program.clone(), name.to_owned())) {
+                    continue;
+                }
+                if long.contains(name) {
+                    println!("left out, for it took more than {longest} s: {name}");
+                    continue;
+                }
                 let mut test =
                     Test { program: program.clone(), name: name.to_owned(), seconds: 0.0, reached: Vec::new() };
                 let begin = Instant::now();
