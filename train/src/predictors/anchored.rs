@@ -8,7 +8,7 @@ use ndarray::{Array2, Array3, ArrayView2, Axis};
 use rand::rngs::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::Fitting;
+use super::fitting::Fitting;
 use crate::atoms::initial_atoms;
 use crate::error::Error;
 use crate::normalised_pairs::NormalisedPairs;

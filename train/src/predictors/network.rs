@@ -9,7 +9,7 @@ use ndarray::{Array1, Array2, Axis, Ix1, Ix2, concatenate};
 use rand::rngs::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::Fitting;
+use super::fitting::Fitting;
 use crate::error::Error;
 use crate::normalised_pairs::crop_bytes;
 use crate::optimiser::{Adam, cosine_annealed};
