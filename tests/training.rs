@@ -265,7 +265,8 @@ fn refined_views_are_learned_through_the_lenslets_of_a_calibration() {
     let lattice = lenslet_core::geometry::Lattice::hexagonal(10.2, 0.004, 1.03, [1600.0, 1600.0]);
     let mut camera = lenslet_core::calibration::Calibration::of_lattice(lattice, Size::new(3200, 3200));
     for l in &mut camera.lenslets {
-        (l.x, l.y) = (l.x + 0.2 * f64::from((l.i + l.j).rem_euclid(3)), l.y - 0.2 * f64::from(l.i.rem_euclid(2)));
+        let askew = (l.x + 0.2 * f64::from((l.i + l.j).rem_euclid(3)), l.y - 0.2 * f64::from(l.i.rem_euclid(2)));
+        (l.x, l.y) = (askew.0.clamp(0.0, 3199.0), askew.1.clamp(0.0, 3199.0));
     }
     lenslet_core::calibration::save(&at("camera.calib"), &camera, false).unwrap();
     let recipe = r#"{"base":"multiview","pitch":3.4425,"rotation":0.004,"atoms":16,"features":12,"epochs":1,"refine":1,
