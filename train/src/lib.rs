@@ -18,6 +18,7 @@ mod checkpoint;
 mod error;
 pub mod ksvd;
 mod normalised_pairs;
+mod observed;
 pub mod online;
 pub mod optimiser;
 mod parameters;

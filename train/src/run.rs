@@ -18,6 +18,7 @@ use crate::checkpoint::{Checkpoint, Stage, save_checkpoint};
 use crate::error::Error;
 use crate::ksvd::ksvd_epoch;
 use crate::normalised_pairs::{NormalisedPairs, prepare_pairs};
+use crate::observed::advance;
 use crate::online::{OnlineState, batch_epoch, online_epoch};
 use crate::optimiser::cosine_annealed;
 use crate::parameters::{Algorithm, Coupling, Parameters};
@@ -48,12 +49,6 @@ struct Scores {
     learned: Option<f64>,
     low: Option<f64>,
     network: Option<f64>,
-}
-
-/// Counts `n` pairs as done.
-fn advance(observer: &dyn Observer, n: usize) -> Result<(), Error> {
-    observer.advance(n as u64);
-    Ok(observer.check()?)
 }
 
 impl<'a> Run<'a> {

@@ -43,7 +43,7 @@ impl Cubic {
     /// use lenslet_core::sampling::Cubic;
     /// let size = Size::new(30, 24);
     /// let centres = Lattice::hexagonal(3.3, 0.0, 1.0, [1.0, 1.0]).points_within(size, 0.0).centres;
-    /// let surface = Cubic::new(&centres, Size::new(30, 24), Size::new(30, 24))?;
+    /// let surface = Cubic::new(&centres, size, size)?;
     /// // Planes are reproduced.
     /// let values =
     ///     ndarray::Array2::from_shape_fn((centres.len(), 1), |(k, _)| (centres[k][0] - centres[k][1]) as f32);

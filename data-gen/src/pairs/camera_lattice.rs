@@ -34,7 +34,7 @@ impl CameraLattice {
         if side == 0 || calibration.lenslets.is_empty() {
             return Err(Error::Parameter("the calibration has no lenslets to sample with".into()));
         }
-        let to_view = SensorToView::new((sensor.width, sensor.height), size);
+        let to_view = SensorToView::new(sensor, size);
         let centres: Vec<[f64; 2]> = calibration.lenslets.iter().map(|l| to_view.to_view([l.x, l.y])).collect();
         let index = calibration.lenslets.iter().map(|l| [l.i, l.j]).collect();
         let bytes: Vec<u8> = centres.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();

@@ -75,7 +75,7 @@ impl Lenslets {
                 }
             }
         }
-        Ok(Lenslets { centre, cos, sin, pitch, row, sensor: Size::new(w, h), first: low, size, centres, spots })
+        Ok(Lenslets { centre, cos, sin, pitch, row, sensor: camera.sensor, first: low, size, centres, spots })
     }
 
     /// The same with lenslets at measured places: each of `centres` (x, y in sensor pixels) becomes the centre of the

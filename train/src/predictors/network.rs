@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use super::fitting::Fitting;
 use crate::error::Error;
 use crate::normalised_pairs::crop_bytes;
+use crate::observed::advance;
 use crate::optimiser::{Adam, cosine_annealed};
 use crate::parameters::NetworkParameters;
 use lenslet_core::random::{shuffled_indices, standard_normal};
@@ -45,7 +46,7 @@ pub(super) fn fit_network(crops: &[Crop], with: &Fitting<'_>) -> Result<Option<N
     }
     with.observer.begin(&format!("{}: network", with.footprint), (wanted.epochs * most.min(wanted.pairs)) as u64);
     let (emphasis, mut rng) = (p.refinement.emphasis, (with.random_stream)(STREAM));
-    learn_network(crops, wanted, emphasis, most, p.seed, &mut rng, &mut |n| with.advance(n)).map(Some)
+    learn_network(crops, wanted, emphasis, most, p.seed, &mut rng, &mut |n| advance(with.observer, n)).map(Some)
 }
 
 /// Learns a network on crops: filters, then layers. `emphasis` as in [`crate::RefinementParameters`]; at most `most`

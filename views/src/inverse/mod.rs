@@ -22,5 +22,5 @@ pub use basis::Basis;
 pub use footprint::SampleFootprint;
 pub use forward::{Grid, Row};
 pub use kernel::Kernel;
-pub(crate) use solve::quantile;
+pub(crate) use solve::{LEAST_RESIDUAL, quantile};
 pub use solve::{Predicted, Problem, Solution, SolveOptions, encoding_slope, mean_contrast, solve};

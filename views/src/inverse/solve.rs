@@ -16,7 +16,7 @@ use super::prior::EdgeWeights;
 /// Smallest residual that counts as unusual, encoded values.
 ///
 /// Source: chosen, half a step of 8-bit values.
-const LEAST_RESIDUAL: f32 = 2e-3;
+pub(crate) const LEAST_RESIDUAL: f32 = 2e-3;
 
 /// Error of the samples' places and of the footprint, encoded values. All samples of a surface share it, so that more of
 /// them do not average it away.

@@ -17,7 +17,8 @@ use super::view_disparities::{ViewDisparities, steps_between};
 use super::view_models::{ViewModel, ViewRows, normalised, renew_models};
 use crate::Error;
 use crate::inverse::{
-    Basis, Grid, Kernel, Problem, Row, SampleFootprint, SolveOptions, encoding_slope, mean_contrast, quantile, solve,
+    Basis, Grid, Kernel, LEAST_RESIDUAL, Problem, Row, SampleFootprint, SolveOptions, encoding_slope, mean_contrast,
+    quantile, solve,
 };
 
 /// Rounds in which disparity and the views' models are refined.
@@ -61,11 +62,6 @@ const SAME_SURFACE: f32 = 1.0;
 ///
 /// Source: chosen of 2 and 4 on three light fields at S = 3 (docs/multiview.md).
 const UNFORETOLD: f32 = 4.0;
-
-/// Least usual residual, encoded values.
-///
-/// Source: chosen, half a step of 8-bit values.
-const LEAST_USUAL: f32 = 2e-3;
 
 /// What all views share: the footprint's kernel, the slope of the encoding at each sample, the views' models.
 pub(super) struct JointFit {
@@ -302,7 +298,7 @@ impl JointFit {
         let smooth = self.kernel.smooth(carried, grid.width);
         let left: Vec<([f32; 2], f32)> =
             problem.rows[own].iter().map(|row| (grid.place(row).into(), problem.left(row, &smooth).1)).collect();
-        let usual = quantile(left.iter().map(|l| l.1), 0.5).unwrap_or(0.0).max(LEAST_USUAL);
+        let usual = quantile(left.iter().map(|l| l.1), 0.5).unwrap_or(0.0).max(LEAST_RESIDUAL);
         let view = Size::new(grid.width - 2 * grid.margin, grid.height - 2 * grid.margin);
         // Mean squares of what is left around each place.
         let squares = Light::of_values(left.iter().map(|&(p, r)| (p, [r * r, 0.0, 0.0])), view, 0.5 * pitch);

@@ -49,7 +49,8 @@ pub(super) fn equalise(
             }
         }
         for row in &problem.rows[part.rows.clone()] {
-            let difference = light.at(&light.cell(row.cell as usize, problem.grid.width));
+            let k = row.cell as usize;
+            let difference = light.at_pixel(k % problem.grid.width, k / problem.grid.width);
             for (value, d) in values[row.sample as usize].iter_mut().zip(difference) {
                 *value -= d;
             }
@@ -68,57 +69,49 @@ pub(super) struct Light {
 impl Light {
     /// Of values at places (x, y) of a view of `size` whose samples are `pitch` pixels apart.
     pub(super) fn of_values(values: impl Iterator<Item = ([f32; 2], [f32; 3])>, size: Size, pitch: f32) -> Light {
-        let side = (CELL * pitch).max(LEAST_SIDE);
-        let cells = |pixels: usize| ((pixels as f32 / side).ceil() as usize).max(1);
-        let (width, height) = (cells(size.width), cells(size.height));
-        let mut sums = vec![[0f32; 4]; width * height];
-        for ([x, y], value) in values {
-            let cell = |place: f32, end: usize| (((place + 0.5).max(0.0) / side) as usize).min(end - 1);
-            let sum = &mut sums[cell(y, height) * width + cell(x, width)];
-            for (sum, value) in sum.iter_mut().zip(value) {
-                *sum += value;
-            }
-            sum[3] += 1.0;
-        }
-        Light { width, height, side, means: means_around(&sums, width, height, 0.0) }
-    }
-
-    /// At a pixel of the view.
-    pub(super) fn at_pixel(&self, s: usize, t: usize) -> [f32; 3] {
-        let place = |pixel: usize| (pixel as f32 + 0.5) / self.side - 0.5;
-        self.at(&Cell::clamped(place(s), place(t), Size::new(self.width, self.height)))
+        let values = values.map(|(place, value)| (place.map(|p| (p + 0.5).max(0.0)), value, 1.0));
+        Light::gather(values, size, (CELL * pitch).max(LEAST_SIDE), 0.0)
     }
 
     fn of_view(problem: &Problem<'_>, solution: &Solution, part: &ViewRows, side: f32) -> Light {
         let grid = &problem.grid;
-        let cells = |pixels: usize| ((pixels as f32 / side).ceil() as usize).max(1);
-        let (width, height) = (cells(grid.width), cells(grid.height));
         let usual = solution.residual.max(1e-3) * UNUSUAL;
-        let mut sums = vec![[0f32; 4]; width * height];
-        for row in &problem.rows[part.rows.clone()] {
-            let (left, size) = problem.left(row, &solution.smooth);
+        let left = problem.rows[part.rows.clone()].iter().map(|row| {
+            let ([r, g, b, _], size) = problem.left(row, &solution.smooth);
             let unusual = size / usual;
             let weight = row.weight / (1.0 + unusual * unusual).powi(2);
-            let cell = |pixel: usize| (pixel as f32 / side) as usize;
             let k = row.cell as usize;
-            let sum = &mut sums[cell(k / grid.width) * width + cell(k % grid.width)];
-            for (sum, left) in sum.iter_mut().zip(&left[..3]) {
-                *sum += weight * left;
+            ([k % grid.width, k / grid.width].map(|pixel| pixel as f32), [r, g, b], weight)
+        });
+        Light::gather(left, Size::new(grid.width, grid.height), side, HALF_BELIEVED)
+    }
+
+    /// Means of values with weights, each at its distances from the left and upper edge, over cells of `side` pixels.
+    fn gather(
+        values: impl Iterator<Item = ([f32; 2], [f32; 3], f32)>,
+        size: Size,
+        side: f32,
+        half_believed: f32,
+    ) -> Light {
+        let cells = |pixels: usize| ((pixels as f32 / side).ceil() as usize).max(1);
+        let (width, height) = (cells(size.width), cells(size.height));
+        let cell = |from_edge: f32, end: usize| ((from_edge / side) as usize).min(end - 1);
+        let mut sums = vec![[0f32; 4]; width * height];
+        for ([x, y], value, weight) in values {
+            let sum = &mut sums[cell(y, height) * width + cell(x, width)];
+            for (sum, value) in sum.iter_mut().zip(value) {
+                *sum += weight * value;
             }
             sum[3] += weight;
         }
-        Light { width, height, side, means: means_around(&sums, width, height, HALF_BELIEVED) }
+        Light { width, height, side, means: means_around(&sums, width, height, half_believed) }
     }
 
-    /// Where the pixel `k` of a grid `width` pixels wide lies among the cells.
+    /// At a pixel of the view.
     #[inline]
-    fn cell(&self, k: usize, width: usize) -> Cell<f32> {
+    pub(super) fn at_pixel(&self, s: usize, t: usize) -> [f32; 3] {
         let place = |pixel: usize| (pixel as f32 + 0.5) / self.side - 0.5;
-        Cell::clamped(place(k % width), place(k / width), Size::new(self.width, self.height))
-    }
-
-    #[inline]
-    fn at(&self, cell: &Cell<f32>) -> [f32; 3] {
+        let cell = Cell::clamped(place(s), place(t), Size::new(self.width, self.height));
         let corners = cell.corners(|x, y| self.means[y * self.width + x]);
         std::array::from_fn(|c| bilinear_by_differences(corners.map(|m| m[c]), cell.fx, cell.fy))
     }

@@ -76,8 +76,7 @@ mod tests {
             centres,
         };
         let low = native_size(&samples);
-        let target = Size { width: low.width, height: low.height };
-        let view = downsampled_views(&samples, &target, &[(0, 0)]).unwrap().remove(0);
+        let view = downsampled_views(&samples, &low, &[(0, 0)]).unwrap().remove(0);
         for t in 0..low.height {
             for s in 0..low.width {
                 let (x, y) = (
