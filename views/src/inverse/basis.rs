@@ -44,7 +44,7 @@ impl Basis {
     }
 
     /// First pixel and place (0 to 1) of a coordinate.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub(super) fn split(self, x: f32) -> (usize, f32) {
         match self {
@@ -95,7 +95,7 @@ impl Basis {
 }
 
 /// Weights of `N` pixels at the place `f` (0 to 1) of [`Basis::split`].
-#[inline]
+#[inline(always)]
 pub(super) fn weights<const N: usize>(f: f32) -> [f32; N] {
     let mut out = [0f32; N];
     if N == 2 {
@@ -116,7 +116,7 @@ pub(super) fn weights<const N: usize>(f: f32) -> [f32; N] {
 }
 
 /// Derivatives of [`weights`].
-#[inline]
+#[inline(always)]
 pub(super) fn slopes<const N: usize>(f: f32) -> [f32; N] {
     let mut out = [0f32; N];
     if N == 2 {

@@ -2,6 +2,7 @@
 
 /// Improves `x` by at most `steps` steps; stops when the residual has fallen below `tolerance` times that of x = 0.
 /// `multiply(p, out)` writes A p. Sums run over fixed blocks, so results do not depend on threads.
+#[inline(always)]
 pub(super) fn conjugate_gradients(
     mut multiply: impl FnMut(&[f32], &mut [f32]),
     inverse_diagonal: &[f32],
@@ -45,6 +46,7 @@ pub(super) fn conjugate_gradients(
 /// Source: chosen; the error of such a block is below 1e-5 of it.
 const BLOCK: usize = 256;
 
+#[inline(always)]
 fn dot(a: &[f32], b: &[f32]) -> f64 {
     let lanes = |a: &[f32], b: &[f32]| -> f32 {
         let mut sums = [0f32; 8];
@@ -59,6 +61,7 @@ fn dot(a: &[f32], b: &[f32]) -> f64 {
     a.chunks(BLOCK).zip(b.chunks(BLOCK)).map(|(a, b)| f64::from(lanes(a, b))).sum()
 }
 
+#[inline(always)]
 fn weighted_square(r: &[f32], weights: &[f32]) -> f64 {
     let lanes = |r: &[f32], w: &[f32]| -> f32 {
         let mut sums = [0f32; 8];

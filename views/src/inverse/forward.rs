@@ -32,7 +32,7 @@ impl Grid {
 
     /// The row of a sample at (`x`, `y`) of the view, with its weight; `None` where a footprint of `reach` pixels would
     /// leave the grid.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn row(&self, x: f32, y: f32, reach: f32, weight: f32, sample: usize) -> Option<Row> {
         let (gx, gy) = (x + self.margin as f32, y + self.margin as f32);
@@ -73,7 +73,7 @@ pub struct Row {
 
 impl Row {
     /// B(x)·`picture` with `N` pixels an axis, every lane by itself; rows of the picture have `width` pixels.
-    #[inline]
+    #[inline(always)]
     pub(super) fn apply<const N: usize>(&self, picture: &[[f32; 4]], width: usize) -> [f32; 4] {
         let (bx, by) = (weights::<N>(self.fx), weights::<N>(self.fy));
         let mut sum = [0f32; 4];
@@ -87,7 +87,7 @@ impl Row {
     }
 
     /// [`Row::apply`], and how it changes with the place along x and y.
-    #[inline]
+    #[inline(always)]
     pub(super) fn apply_with_slopes<const N: usize>(&self, picture: &[[f32; 4]], width: usize) -> [[f32; 4]; 3] {
         let (bx, by) = (weights::<N>(self.fx), weights::<N>(self.fy));
         let (dx, dy) = (slopes::<N>(self.fx), slopes::<N>(self.fy));
@@ -104,7 +104,7 @@ impl Row {
     }
 }
 
-#[inline]
+#[inline(always)]
 fn add_times(sum: &mut [f32; 4], factor: f32, value: &[f32; 4]) {
     for (s, v) in sum.iter_mut().zip(value) {
         *s += factor * v;

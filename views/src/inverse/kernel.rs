@@ -10,6 +10,7 @@ use std::f64::consts::PI;
 use lenslet_core::linalg::gauss_with_back_substitution;
 
 use super::basis::Basis;
+use super::dispatch::dispatched;
 use super::footprint::SampleFootprint;
 use super::forward::interleaved;
 
@@ -115,7 +116,7 @@ impl Kernel {
     pub fn smooth(&self, planes: &[Vec<f32>], width: usize) -> Vec<[f32; 4]> {
         let one = |plane: &Vec<f32>| {
             let mut smooth = vec![0f32; plane.len()];
-            self.convolve(plane, width, &mut smooth);
+            dispatched(|| self.convolve(plane, width, &mut smooth));
             smooth
         };
         interleaved(&planes.iter().map(one).collect::<Vec<_>>())
@@ -123,23 +124,32 @@ impl Kernel {
 
     /// `out` = k ∗ `picture` (rows of `width`); nothing lies outside. The kernel is symmetric, so this is its own
     /// adjoint.
-    pub fn convolve(&self, picture: &[f32], width: usize, out: &mut [f32]) {
+    #[inline(always)]
+    pub(super) fn convolve(&self, picture: &[f32], width: usize, out: &mut [f32]) {
         if self.radius == 0 {
             out.copy_from_slice(picture);
             return;
         }
-        let (r, full) = (self.radius, 2 * self.radius + 1);
+        let r = self.radius;
         let height = picture.len() / width.max(1);
         let mut padded = vec![0f32; width + 2 * r];
         for (t, out) in out.chunks_exact_mut(width).enumerate() {
             out.fill(0.0);
-            for v in 0..full {
-                let Some(row) = (t + v).checked_sub(r).filter(|&row| row < height) else { continue };
-                padded[r..r + width].copy_from_slice(&picture[row * width..(row + 1) * width]);
-                let taps = &self.taps[v * full..(v + 1) * full];
-                // Pairs of equal taps left and right of the middle.
-                let middle = &padded[r..r + width];
-                for (o, m) in out.iter_mut().zip(middle) {
+            let line = |t: usize| &picture[t * width..(t + 1) * width];
+            for down in 0..=r {
+                // Lines with equal taps above and below, then pairs of equal taps left and right.
+                let sum = &mut padded[r..r + width];
+                match (t.checked_sub(down).map(line), (t + down < height && down > 0).then(|| line(t + down))) {
+                    (Some(above), Some(below)) => {
+                        for ((s, a), b) in sum.iter_mut().zip(above).zip(below) {
+                            *s = a + b;
+                        }
+                    }
+                    (Some(one), None) | (None, Some(one)) => sum.copy_from_slice(one),
+                    (None, None) => continue,
+                }
+                let taps = &self.taps[(r + down) * (2 * r + 1)..(r + down + 1) * (2 * r + 1)];
+                for (o, m) in out.iter_mut().zip(&padded[r..r + width]) {
                     *o += taps[r] * m;
                 }
                 for d in 1..=r {

@@ -11,6 +11,7 @@
 
 mod basis;
 mod conjugate_gradients;
+mod dispatch;
 mod footprint;
 mod forward;
 mod kernel;
@@ -19,6 +20,7 @@ mod prior;
 mod solve;
 
 pub use basis::Basis;
+pub(crate) use dispatch::dispatched;
 pub use footprint::SampleFootprint;
 pub use forward::{Grid, Row};
 pub use kernel::Kernel;

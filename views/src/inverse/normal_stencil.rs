@@ -39,16 +39,31 @@ impl Accumulator {
     }
 
     /// Adds one row of `N`×`N` pixels with its `weight` and value.
-    #[inline]
+    #[inline(always)]
     pub(super) fn add<const N: usize>(&mut self, row: &Row, weight: f32, value: &[f32; 4]) {
         let (bx, by) = (weights::<N>(row.fx), weights::<N>(row.fy));
-        let wx = bx.map(|b| weight * b);
         let right_hand = const { lanes(N) - 3 };
         for j in 0..N {
             let at = (row.cell as usize + j * self.width) * const { lanes(N) };
             let pixels = &mut self.sums[at..at + const { N * lanes(N) }];
             for (i, sums) in pixels.chunks_exact_mut(const { lanes(N) }).enumerate() {
-                let b = wx[i] * by[j];
+                let b = weight * bx[i] * by[j];
+                if N == 2 {
+                    // All eight lanes at once; those of pixels that do not share the row add nothing.
+                    let mut lane = [0f32; lanes(2)];
+                    for right in 0..2 - i {
+                        lane[right] = by[j] * bx[i + right];
+                    }
+                    if j == 0 {
+                        lane[3 - i] = by[1] * bx[0];
+                        lane[4 - i] = by[1] * bx[1];
+                    }
+                    lane[5..].copy_from_slice(&value[..3]);
+                    for (sum, lane) in sums.iter_mut().zip(&lane) {
+                        *sum += b * lane;
+                    }
+                    continue;
+                }
                 // To the right in the same line.
                 for (right, other) in bx[i..].iter().enumerate() {
                     sums[right] += b * by[j] * other;
@@ -89,6 +104,7 @@ impl NormalStencil {
     }
 
     /// `out` = Bᵀ W B `x`.
+    #[inline(always)]
     pub(super) fn multiply(&self, x: &[f32], out: &mut [f32]) {
         let w = self.width;
         let h = x.len() / w.max(1);
@@ -115,6 +131,7 @@ impl NormalStencil {
     }
 }
 
+#[inline(always)]
 fn add_products(out: &mut [f32], a: &[f32], b: &[f32]) {
     for ((o, a), b) in out.iter_mut().zip(a).zip(b) {
         *o += a * b;

@@ -28,6 +28,7 @@ impl EdgeWeights {
     }
 
     /// Adds Gᵀ A G `x` to `out`.
+    #[inline(always)]
     pub(super) fn add_product(&self, x: &[f32], out: &mut [f32]) {
         let w = self.width;
         let h = x.len() / w.max(1);

@@ -8,6 +8,7 @@ use lenslet_core::image::box_mean;
 
 use super::basis::Basis;
 use super::conjugate_gradients::conjugate_gradients;
+use super::dispatch::dispatched;
 use super::forward::{Grid, Row};
 use super::kernel::Kernel;
 use super::normal_stencil::Accumulator;
@@ -95,24 +96,24 @@ pub struct Solution {
 
 impl Problem<'_> {
     /// Slope of the encoding at a sample.
-    #[inline]
+    #[inline(always)]
     fn slope(&self, sample: u32) -> f32 {
         self.slopes.get(sample as usize).copied().unwrap_or(1.0)
     }
 
     /// Root of the mean square of a row's residual over channels, encoded values.
-    #[inline]
+    #[inline(always)]
     fn residual<const N: usize>(&self, row: &Row, smooth: &[[f32; 4]]) -> f32 {
         self.size_of(row, &self.left_with::<N>(row, smooth))
     }
 
     /// Root of the mean square of what is left of a row's sample, encoded values.
-    #[inline]
+    #[inline(always)]
     fn size_of(&self, row: &Row, left: &[f32; 4]) -> f32 {
         (left.iter().map(|l| l * l).sum::<f32>() / self.channels as f32).sqrt() * self.slope(row.sample)
     }
 
-    #[inline]
+    #[inline(always)]
     fn left_with<const N: usize>(&self, row: &Row, smooth: &[[f32; 4]]) -> [f32; 4] {
         let (here, value) = (row.apply::<N>(smooth, self.grid.width), &self.values[row.sample as usize]);
         std::array::from_fn(|l| value[l] - here[l])
@@ -131,11 +132,20 @@ impl Problem<'_> {
         (left, self.size_of(row, &left))
     }
 
-    /// Median residual of the samples that count where the contrast is below `contrast`.
-    fn usual_residual<const N: usize>(&self, smooth: &[[f32; 4]], contrast: f32) -> f32 {
-        let counts = |r: &&Row| r.weight > 0.3 && self.contrast[r.cell as usize] <= contrast;
-        let counted = self.rows.iter().filter(counts).step_by(23);
-        quantile(counted.map(|r| self.residual::<N>(r, smooth)), 0.5).unwrap_or(0.0)
+    /// Median residual of the samples that count, and of those of them where the contrast is at most `plain`.
+    #[inline(always)]
+    fn usual_residuals<const N: usize>(&self, smooth: &[[f32; 4]], plain: f32) -> [f32; 2] {
+        let (mut all, mut of_plain) = (Vec::new(), Vec::new());
+        for row in self.rows.iter().step_by(17) {
+            if row.weight > 0.3 {
+                let residual = self.residual::<N>(row, smooth);
+                all.push(residual);
+                if self.contrast[row.cell as usize] <= plain {
+                    of_plain.push(residual);
+                }
+            }
+        }
+        [all, of_plain].map(|residuals| quantile(residuals.into_iter(), 0.5).unwrap_or(0.0))
     }
 }
 
@@ -201,12 +211,13 @@ impl Problem<'_> {
 #[must_use]
 pub fn solve(problem: &Problem<'_>, start: Vec<Vec<f32>>, options: &SolveOptions) -> Solution {
     match problem.grid.basis {
-        Basis::Linear => solve_with::<2>(problem, start, options),
-        Basis::Quadratic => solve_with::<3>(problem, start, options),
-        Basis::Cubic => solve_with::<4>(problem, start, options),
+        Basis::Linear => dispatched(|| solve_with::<2>(problem, start, options)),
+        Basis::Quadratic => dispatched(|| solve_with::<3>(problem, start, options)),
+        Basis::Cubic => dispatched(|| solve_with::<4>(problem, start, options)),
     }
 }
 
+#[inline(always)]
 fn solve_with<const N: usize>(problem: &Problem<'_>, start: Vec<Vec<f32>>, options: &SolveOptions) -> Solution {
     let (grid, kernel) = (problem.grid, problem.kernel);
     let mut planes = start;
@@ -215,7 +226,8 @@ fn solve_with<const N: usize>(problem: &Problem<'_>, start: Vec<Vec<f32>>, optio
     let plain = quantile(problem.contrast.iter().copied(), PLAIN).unwrap_or(f32::INFINITY);
     for _ in 0..=options.reweightings {
         let smooth = kernel.smooth(&planes, grid.width);
-        residual = problem.usual_residual::<N>(&smooth, f32::INFINITY);
+        let usual = problem.usual_residuals::<N>(&smooth, plain);
+        residual = usual[0];
         let scale = 1.0 / (2.0 * (1.5 * residual).max(LEAST_RESIDUAL));
         let mut sums = Accumulator::new(&grid);
         let mut total = 0f64;
@@ -232,7 +244,7 @@ fn solve_with<const N: usize>(problem: &Problem<'_>, start: Vec<Vec<f32>>, optio
         let view = (grid.width - 2 * grid.margin) * (grid.height - 2 * grid.margin);
         let density = (total / view.max(1) as f64) as f32;
         // A picture that the prior has flattened leaves larger residuals, which must not make the prior stronger.
-        noise = problem.usual_residual::<N>(&smooth, plain).min(noise);
+        noise = usual[1].min(noise);
         let variance = (1.4826 * noise).powi(2) + density * SYSTEMATIC * SYSTEMATIC;
         let edges = edge_weights(problem, &planes, variance, options);
         let mut diagonal = vec![0f32; grid.pixels()];

@@ -48,7 +48,7 @@ pub(super) fn equalise(
                 *t -= h;
             }
         }
-        for row in &problem.rows[part.rows.clone()] {
+        for row in part.of(problem.rows) {
             let k = row.cell as usize;
             let difference = light.at_pixel(k % problem.grid.width, k / problem.grid.width);
             for (value, d) in values[row.sample as usize].iter_mut().zip(difference) {
@@ -76,7 +76,7 @@ impl Light {
     fn of_view(problem: &Problem<'_>, solution: &Solution, part: &ViewRows, side: f32) -> Light {
         let grid = &problem.grid;
         let usual = solution.residual.max(1e-3) * UNUSUAL;
-        let left = problem.rows[part.rows.clone()].iter().map(|row| {
+        let left = part.of(problem.rows).map(|row| {
             let ([r, g, b, _], size) = problem.left(row, &solution.smooth);
             let unusual = size / usual;
             let weight = row.weight / (1.0 + unusual * unusual).powi(2);
@@ -108,7 +108,7 @@ impl Light {
     }
 
     /// At a pixel of the view.
-    #[inline]
+    #[inline(always)]
     pub(super) fn at_pixel(&self, s: usize, t: usize) -> [f32; 3] {
         let place = |pixel: usize| (pixel as f32 + 0.5) / self.side - 0.5;
         let cell = Cell::clamped(place(s), place(t), Size::new(self.width, self.height));
@@ -167,7 +167,7 @@ mod tests {
         let scene = |x: f32, y: f32| 0.5 + 0.2 * (0.4 * x).sin() * (0.3 * y).cos();
         // Shine on one side of the last view, a few usual residuals.
         let shine = |view: usize, x: f32| if view == views - 1 { 0.006 * (x / side as f32) } else { 0.0 };
-        let (mut rows, mut parts, mut values): (Vec<Row>, Vec<ViewRows>, Vec<[f32; 4]>) = Default::default();
+        let (mut rows, mut parts, mut values) = (Vec::<Row>::new(), Vec::<ViewRows>::new(), Vec::<[f32; 4]>::new());
         for view in 0..views {
             let first = rows.len();
             for k in 0..n * n {
@@ -176,7 +176,7 @@ mod tests {
                 rows.extend(grid.row(x, y, kernel.radius() as f32, 1.0, values.len()));
                 values.push([scene(x, y) + shine(view, x), 0.0, 0.0, 0.0]);
             }
-            parts.push(ViewRows { view, rows: first..rows.len() });
+            parts.push(ViewRows { view, ranges: vec![first..rows.len()] });
         }
         let contrast = vec![0.05; grid.pixels()];
         let problem = Problem {

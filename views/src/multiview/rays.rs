@@ -1,5 +1,7 @@
 //! Where the samples of all views lie in one view, by the disparity of their surfaces, and the weight of each there.
 
+use std::ops::Range;
+
 use lenslet_core::geometry::Size;
 use lenslet_core::image::bilinear_shares;
 
@@ -85,7 +87,7 @@ pub(super) fn other_samples(
     let mut rays = Vec::with_capacity(n * (views.0 * views.1).saturating_sub(1));
     let (right, bottom) = ((size.width - 1) as f32, (size.height - 1) as f32);
     for k in (0..views.0 * views.1).filter(|&k| k != target_view && !set.is_dark(k)) {
-        carry_samples(set, disparities, k, target_view, |carried| {
+        carry_samples(set, disparities, 0..n, [k, target_view], |carried| {
             let (x, y) = carried.place;
             // Also false for NaN.
             if !(x >= 0.0 && y >= 0.0 && x < right && y < bottom) {
@@ -121,7 +123,7 @@ pub(super) struct Carried {
 impl Carried {
     /// Its weight at `place` of the target view: 1 in full light where the surface there has its disparity, towards 0
     /// as the surface's would put it elsewhere.
-    #[inline]
+    #[inline(always)]
     pub(super) fn weight_at(&self, disparities: &ViewDisparities, target: usize, place: (f32, f32)) -> f32 {
         let miss = (disparities.near(target, place.0, place.1) - self.disparity) * (self.steps / TOLERANCE);
         let agree = 1.0 / (1.0 + miss * miss);
@@ -129,19 +131,19 @@ impl Carried {
     }
 }
 
-/// Calls `each` for every sample of the view `from`, carried to the view `target`.
-#[inline]
+/// Calls `each` for the samples `some` of the view `from`, carried to the view `target`.
+#[inline(always)]
 pub(super) fn carry_samples(
     set: &SampleSet,
     disparities: &ViewDisparities,
-    from: usize,
-    target: usize,
+    some: Range<usize>,
+    [from, target]: [usize; 2],
     mut each: impl FnMut(Carried),
 ) {
     let [du, dv] = steps_between(set.views(), from, target);
     let (steps, light) = (du.abs().max(dv.abs()), set.weights[from] * set.weights[from]);
-    let first = from * set.points.len();
-    for ((i, p), &d) in set.points.iter().enumerate().zip(&disparities.samples[first..]) {
+    let first = from * set.points.len() + some.start;
+    for ((i, p), &d) in set.points[some].iter().enumerate().zip(&disparities.samples[first..]) {
         each(Carried { sample: first + i, place: (p[0] - d * du, p[1] - d * dv), disparity: d, steps, light });
     }
 }

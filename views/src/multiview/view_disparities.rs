@@ -48,7 +48,7 @@ impl ViewDisparities {
     }
 
     /// Disparity of view `k` at the pixel of its map nearest to (`x`, `y`) of the target.
-    #[inline]
+    #[inline(always)]
     pub(super) fn near(&self, k: usize, x: f32, y: f32) -> f32 {
         let map = &self.maps[k];
         // Positions within the picture are not below 0.
@@ -58,7 +58,7 @@ impl ViewDisparities {
     }
 
     /// Disparity of view `k` at (`x`, `y`) of the target: interpolated on a surface, the nearest value at its edge.
-    #[inline]
+    #[inline(always)]
     pub(super) fn at(&self, k: usize, x: f32, y: f32) -> f32 {
         let map = &self.maps[k];
         let mx = (x + 0.5) / self.scale[0] - 0.5;

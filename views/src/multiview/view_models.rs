@@ -1,6 +1,8 @@
 //! How views differ from warps of one picture, found from what the picture leaves of each view's samples: gain and offset
 //! of its values, a smooth shift of its samples, and how well its samples are explained at all.
 
+use std::ops::Range;
+
 use lenslet_core::linalg::gauss_with_back_substitution;
 
 use crate::inverse::{Grid, Predicted, Problem, Row, Solution, quantile};
@@ -76,7 +78,19 @@ fn terms(x: f32, y: f32) -> [f32; TERMS] {
 /// One view's part of the rows of a problem.
 pub(super) struct ViewRows {
     pub(super) view: usize,
-    pub(super) rows: std::ops::Range<usize>,
+    pub(super) ranges: Vec<Range<usize>>,
+}
+
+impl ViewRows {
+    /// How many they are.
+    pub(super) fn len(&self) -> usize {
+        self.ranges.iter().map(Range::len).sum()
+    }
+
+    /// Those of all rows that are the view's.
+    pub(super) fn of<'a>(&self, rows: &'a [Row]) -> impl Iterator<Item = &'a Row> {
+        self.ranges.iter().flat_map(|range| &rows[range.clone()])
+    }
 }
 
 /// Renews the models of the views from what the picture leaves of their samples; the values of `problem` are corrected
@@ -90,7 +104,7 @@ pub(super) fn renew_models(
 ) -> usize {
     let mut changed = 0;
     let mut usual = vec![f32::INFINITY; models.len()];
-    for part in parts.iter().filter(|p| p.view != middle && p.rows.len() >= LEAST_SAMPLES) {
+    for part in parts.iter().filter(|p| p.view != middle && p.len() >= LEAST_SAMPLES) {
         let Some(fit) = fitted(problem, solution, part) else { continue };
         usual[part.view] = fit.before;
         let least = if models[part.view].is_plain() { GAIN } else { FURTHER_GAIN };
@@ -128,8 +142,8 @@ struct Fitted {
 /// Gain, offset and shift of one view by weighted least squares, one Gauss–Newton step.
 fn fitted(problem: &Problem<'_>, solution: &Solution, part: &ViewRows) -> Option<Fitted> {
     const N: usize = 2 + 2 * TERMS;
-    let rows = &problem.rows[part.rows.clone()];
-    let predicted: Vec<Predicted> = rows.iter().map(|row| problem.predicted(row, &solution.smooth)).collect();
+    let rows = || part.of(problem.rows);
+    let predicted: Vec<Predicted> = rows().map(|row| problem.predicted(row, &solution.smooth)).collect();
     let before = quantile(predicted.iter().map(Predicted::residual), 0.5)?;
     let robust = (1.0 / (3.0 * before.max(1e-3))).powi(2);
     let mut system = vec![0f64; N * (N + 1)];
@@ -144,7 +158,7 @@ fn fitted(problem: &Problem<'_>, solution: &Solution, part: &ViewRows) -> Option
         }
         d
     };
-    for (row, p) in rows.iter().zip(&predicted) {
+    for (row, p) in rows().zip(&predicted) {
         let r = p.residual();
         let weight = f64::from(row.weight * p.slope * p.slope / (1.0 + r * r * robust));
         let place = normalised(&problem.grid, problem.grid.place(row));
@@ -181,7 +195,7 @@ fn fitted(problem: &Problem<'_>, solution: &Solution, part: &ViewRows) -> Option
         }
         (sum / problem.channels as f32).sqrt() * p.slope
     };
-    let after = quantile(rows.iter().zip(&predicted).map(left), 0.5)?;
+    let after = quantile(rows().zip(&predicted).map(left), 0.5)?;
     let mut shift = [[0f32; TERMS]; 2];
     for k in 0..TERMS {
         (shift[0][k], shift[1][k]) = (x[2 + k], x[2 + TERMS + k]);
