@@ -37,14 +37,15 @@ pub(super) fn find_range(
     let list = hypotheses((-limit, limit), options.step, reach);
     let spacing = list[1] - list[0];
     observer.begin("disparity range", list.len() as u64);
-    let usual = cost_volume(grid, at, list, 2, options, observer)?;
+    let usual = cost_volume(grid, at, list, 2, None, options, observer)?;
     // Further than half a view nothing is seen twice.
     let (width, height) = (usual.width as f32, usual.height as f32);
     let widest = (options.widest / factor).min(0.5 * width.max(height) / reach.max(1.0));
     let mut votes = votes_of(&usual, |_, d| d.abs() <= limit);
     let mut bounds = (-limit, limit);
     if widest > 1.05 * limit {
-        let wide = cost_volume(grid, at, hypotheses((-widest, widest), options.step, reach), 2, options, observer)?;
+        let wide =
+            cost_volume(grid, at, hypotheses((-widest, widest), options.step, reach), 2, None, options, observer)?;
         let own: Vec<f32> =
             (0..votes.len()).map(|k| usual.planes.iter().map(|p| p[k]).fold(f32::INFINITY, f32::min)).collect();
         let mut better = 0usize;

@@ -4,6 +4,7 @@
 
 use lenslet_core::image::Plane;
 
+use super::hidden::Hidden;
 use super::planes::shifted_row;
 
 /// Cost of every hypothesis at every pixel: `planes[k][t·w + s]`.
@@ -30,8 +31,9 @@ pub struct Robust {
 /// A view and its offset from the reference view: (plane, u, v), view steps.
 pub type Placed<'a> = (&'a Plane, f32, f32);
 
-/// The cost plane of one hypothesis `d`.
-pub fn cost(reference: &Plane, views: &[Placed], d: f32, robust: &Robust) -> Vec<f32> {
+/// The cost plane of one hypothesis `d`. Where it is known what is `hidden`, half of the views are taken instead of all where
+/// something hides the point in the other half; else wherever that makes the cost clearly lower.
+pub fn cost(reference: &Plane, views: &[Placed], d: f32, robust: &Robust, hidden: Option<&Hidden>) -> Vec<f32> {
     let (w, h) = (reference.width, reference.height);
     let mut out = vec![0f32; w * h];
     // Sums over: all views, left, right, above, below.
@@ -44,6 +46,10 @@ pub fn cost(reference: &Plane, views: &[Placed], d: f32, robust: &Robust) -> Vec
             s.fill(0.0);
             c.fill(0.0);
         }
+        // Sums over a half are needed where something hides points.
+        let needed =
+            hidden.is_none_or(|hidden| (t * w..(t + 1) * w).any(|k| (0..4).any(|side| hidden.hides(side, k, d))));
+        let half = |offset: f32, first: usize| side(offset, first).filter(|_| needed);
         let own = reference.row(t);
         for &(plane, u, v) in views {
             let (dx, dy) = (d * u, d * v);
@@ -61,7 +67,7 @@ pub fn cost(reference: &Plane, views: &[Placed], d: f32, robust: &Robust) -> Vec
             for (r, &o) in row[from..to].iter_mut().zip(&own[from..to]) {
                 *r = (*r - o).abs().min(robust.truncation);
             }
-            let sides = [Some(0), side(u, 1), side(v, 3)];
+            let sides = [Some(0), half(u, 1), half(v, 3)];
             for k in sides.into_iter().flatten() {
                 for (a, &r) in sums[k][from..to].iter_mut().zip(&row[from..to]) {
                     *a += r;
@@ -77,13 +83,25 @@ pub fn cost(reference: &Plane, views: &[Placed], d: f32, robust: &Robust) -> Vec
             for (n, c) in seen.iter_mut().zip(&counts) {
                 *n += c[s];
             }
-            let mut best = if seen[0] > 0.0 { sums[0][s] / seen[0] } else { robust.truncation };
-            for k in 1..5 {
-                if seen[k] > 0.0 {
-                    best = best.min(factor * sums[k][s] / seen[k]);
+            let mean = |k: usize| if seen[k] > 0.0 { sums[k][s] / seen[k] } else { f32::INFINITY };
+            let all = if seen[0] > 0.0 { mean(0) } else { robust.truncation };
+            let clearly = || (1..5).fold(all, |best, k| best.min(factor * mean(k)));
+            *o = match hidden {
+                None => clearly(),
+                Some(_) if !needed => all,
+                Some(hidden) => {
+                    let covered = [0, 1, 2, 3].map(|side| hidden.hides(side, t * w + s, d));
+                    let free = (0..4).filter(|&side| covered[side ^ 1] && !covered[side]);
+                    let least = free.fold(f32::INFINITY, |best, side| best.min(mean(side + 1)));
+                    if least.is_finite() {
+                        least
+                    } else if covered.contains(&true) {
+                        clearly()
+                    } else {
+                        all
+                    }
                 }
-            }
-            *o = best;
+            };
         }
     }
     out

@@ -6,6 +6,7 @@ use lenslet_core::progress::Observer;
 use rayon::prelude::*;
 
 use super::error::Error;
+use super::hidden::Hidden;
 use super::options::Options;
 use super::sweep;
 
@@ -34,12 +35,13 @@ pub(super) fn outermost_step(grid: &[Vec<Plane>], at: (usize, usize), options: &
     (0..rows * columns).filter(|&k| options.uses(k)).map(step).max().unwrap_or(0) as f32
 }
 
-/// Costs of all hypotheses, gathered along edges.
+/// Costs of all hypotheses, gathered along edges. `hidden`: as [`sweep::cost`] has it.
 pub(super) fn cost_volume(
     grid: &[Vec<Plane>],
     at: (usize, usize),
     hypotheses: Vec<f32>,
     radius: usize,
+    hidden: Option<&Hidden>,
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<sweep::Volume, Error> {
@@ -57,7 +59,7 @@ pub(super) fn cost_volume(
         .par_iter()
         .map(|&d| {
             observer.check()?;
-            let mut cost = sweep::cost(reference, &views, d, &robust);
+            let mut cost = sweep::cost(reference, &views, d, &robust, hidden);
             guide.filter(&mut cost);
             observer.advance(1);
             Ok(cost)

@@ -31,8 +31,9 @@ const MAX_TRUTH: u64 = 1 << 30;
 Example: lenslet depth decoded/ --out depth/
 
 Writes disparity.pfm, confidence.pfm, disparity.png (16 bits, from the smallest to the largest disparity found; see
-depth.json), colours.png, points.ply. Disparity D: what is at x in the middle view is at x + D·u in the view u steps
-to the right. The HCI benchmark counts it the other way round: compare with --truth gt.pfm --truth-scale=-1.")]
+depth.json), colours.png, points.ply. Confidence is the chance that a disparity is within 0.07 of the true one.
+Disparity D: what is at x in the middle view is at x + D·u in the view u steps to the right. The HCI benchmark counts
+it the other way round: compare with --truth gt.pfm --truth-scale=-1.")]
 pub struct Args {
     /// The light field
     light_field: PathBuf,
@@ -52,7 +53,7 @@ pub struct Args {
     #[arg(long, default_value_t = 15, value_name = "PIXELS")]
     border: usize,
     /// Leave points less confident than this out of the point cloud
-    #[arg(value_parser = super::values::finite::<f32>, long, default_value_t = 0.2, value_name = "0..1")]
+    #[arg(value_parser = super::values::finite::<f32>, long, default_value_t = 0.6, value_name = "0..1")]
     confident: f32,
     #[command(flatten)]
     read: ReadArgs,
@@ -160,7 +161,13 @@ fn compare(path: &Path, args: &Args, found: &disparity::Disparity) -> anyhow::Re
         })
         .map(|e| json!({ "bad_0.07": e.bad, "mse_x100": e.mse100, "median": e.median, "pixels": e.pixels }))
     };
-    Ok(json!({ "all": told(0.0), "confident_0.5": told(0.5) }))
+    let curve: Vec<Value> = disparity::confidence_curve(found, &truth, args.border, 0.07)
+        .iter()
+        .map(|bin| json!({ "said": bin.said, "within": bin.within, "share": bin.share }))
+        .collect();
+    Ok(json!({
+        "all": told(0.0), "confident_0.5": told(0.5), "confident_0.9": told(0.9), "confidence": curve
+    }))
 }
 
 /// A map of disparities: PFM, or a .npy of two dimensions.
