@@ -95,16 +95,16 @@ impl World {
 
 /// Option, largest RMS of the centres in pixels, and what was measured of [`World::reached`].
 const ROWS: [(&str, f64, [f64; 5]); 9] = [
-    ("ideal", 0.02, [29.80, 29.98, 32.83, 32.07, 0.0544]),
-    ("pupil-shift", 0.02, [29.79, 29.98, 33.04, 32.28, 0.0507]),
+    ("ideal", 0.02, [29.80, 29.98, 33.52, 32.58, 0.0458]),
+    ("pupil-shift", 0.02, [29.79, 29.98, 33.57, 32.68, 0.0420]),
     // The middle of the light is not that of the pupil: the calibration cannot know.
-    ("cats-eye", 0.35, [29.42, 29.59, 32.04, 31.62, 0.0576]),
-    ("other-zoom", 0.02, [29.64, 28.69, 30.54, 29.44, 0.0963]),
-    ("focal-spot", 0.02, [29.79, 29.97, 32.78, 32.07, 0.0558]),
-    ("crosstalk", 0.02, [29.81, 29.99, 32.77, 32.00, 0.0560]),
-    ("saturation", 0.02, [29.80, 29.99, 32.81, 32.05, 0.0545]),
-    ("jpeg", 0.02, [29.48, 29.58, 32.20, 31.69, 0.0569]),
-    ("real", 0.35, [28.69, 26.28, 28.28, 27.35, 0.1083]),
+    ("cats-eye", 0.35, [29.42, 29.59, 32.56, 31.96, 0.0489]),
+    ("other-zoom", 0.02, [29.64, 28.69, 30.77, 29.60, 0.0977]),
+    ("focal-spot", 0.02, [29.79, 29.97, 33.33, 32.49, 0.0468]),
+    ("crosstalk", 0.02, [29.81, 29.99, 33.43, 32.52, 0.0475]),
+    ("saturation", 0.02, [29.80, 29.99, 33.50, 32.55, 0.0460]),
+    ("jpeg", 0.02, [29.48, 29.58, 32.59, 32.14, 0.0480]),
+    ("real", 0.35, [28.69, 26.28, 28.41, 27.15, 0.1111]),
 ];
 
 /// What every score may fall below its measured value, dB, and the disparity's error rise above it, as a factor.
@@ -130,13 +130,13 @@ fn broken_steps_fall_below_the_margin() {
     let (list, _, measured) = ROWS[2];
     assert_eq!(list, "cats-eye");
     let mut world = taken(SceneName::Natural, list.parse().unwrap(), 0.7);
-    // The aperture's weights: without them dark views count as much as bright ones. Measured 31.63 by multiview.
+    // The aperture's weights: without them dark views count as much as bright ones. Measured 32.21 by multiview.
     let mut alike = world.decoded(true);
     alike.weights.fill(1.0);
     let reached = world.reached(&alike);
     println!("all views weigh alike: {reached:.2?}");
     assert!(reached[2] < measured[2] - MARGIN, "{reached:?}");
-    // Centres that are all off by the same: recentring mends it (measured 29.42 and 32.11), and without it 1.6 and 2.9 dB
+    // Centres that are all off by the same: recentring mends it (measured 29.42 and 32.60), and without it 1.6 and 3.3 dB
     // are lost.
     for l in &mut world.calibration.lenslets {
         (l.x, l.y) = (l.x + 0.9, l.y - 0.5);
@@ -146,7 +146,7 @@ fn broken_steps_fall_below_the_margin() {
     for k in 0..4 {
         assert!(mended[k] > measured[k] - MARGIN && left[k] < measured[k] - 1.0, "{mended:?} {left:?}");
     }
-    // Centres at whole pixels. Measured 28.74 and 31.26.
+    // Centres at whole pixels. Measured 28.74 and 31.76.
     for l in &mut world.calibration.lenslets {
         (l.x, l.y) = ((l.x - 0.9).round(), (l.y + 0.5).round());
     }
