@@ -109,7 +109,7 @@ impl Problem<'_> {
 
     /// Root of the mean square of what is left of a row's sample, encoded values.
     #[inline(always)]
-    fn size_of(&self, row: &Row, left: &[f32; 4]) -> f32 {
+    pub(crate) fn size_of(&self, row: &Row, left: &[f32; 4]) -> f32 {
         (left.iter().map(|l| l * l).sum::<f32>() / self.channels as f32).sqrt() * self.slope(row.sample)
     }
 

@@ -126,6 +126,27 @@ fn noise_variance(light: &[f32], after: &[f32], most: f32) -> NoiseCurve {
     NoiseCurve::new(knots.collect())
 }
 
+/// Share of the cells of like light whose mean square is noise alone.
+///
+/// Source: chosen; a larger one takes for noise what glass makes of a picture.
+const QUIETEST: usize = 10;
+
+/// Mean squares over light that a tenth of the pairs (light, mean square) of like light do not reach; at least `least`.
+pub(super) fn lower_envelope(mut cells: Vec<(f32, f32)>, least: f32) -> NoiseCurve {
+    cells.retain(|(light, square)| light.is_finite() && square.is_finite());
+    if cells.is_empty() {
+        return NoiseCurve::constant(least);
+    }
+    cells.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let size = cells.len().div_ceil(GROUPS).max(1);
+    let knots = cells.chunks_mut(size).map(|group| {
+        let middle = group[group.len() / 2].0;
+        group.sort_unstable_by(|a, b| a.1.total_cmp(&b.1));
+        (middle, group[group.len() / QUIETEST].1.max(least))
+    });
+    NoiseCurve::new(knots.collect())
+}
+
 /// 1 where the residual of the fit is noise alone, or a small part of the prior's beyond noise; 0 where either is
 /// unknown.
 fn weight_of(before: f32, after: f32, noise: f32) -> f32 {

@@ -1,6 +1,7 @@
 //! The joint fit: the picture that the samples of all views determine, each the mean over its footprint.
 
 use std::borrow::Cow;
+use std::ops::Range;
 
 use lenslet_core::colour::LUMINANCE_OF_LINEAR;
 use lenslet_core::geometry::Size;
@@ -8,16 +9,17 @@ use lenslet_core::image::{Cell, bilinear_by_differences};
 use lenslet_core::progress::Observer;
 use ndarray::Array3;
 
+use super::extended::extended;
 use super::joint_disparity::Corrections;
 use super::local_light::{Light, equalise};
 use super::rays::{LEAST_WEIGHT, OWN, carry_samples};
 use super::sample_set::{Kind, SampleSet};
+use super::trust::{Neighbours, Trust};
 use super::view_disparities::{ViewDisparities, steps_between};
 use super::view_models::{ViewModel, ViewRows, normalised, renew_models};
 use crate::Error;
 use crate::inverse::{
-    Basis, Grid, Kernel, LEAST_RESIDUAL, Problem, Row, SampleFootprint, SolveOptions, dispatched, encoding_slope,
-    mean_contrast, quantile, solve,
+    Basis, Grid, Kernel, Problem, Row, SampleFootprint, SolveOptions, dispatched, encoding_slope, mean_contrast, solve,
 };
 
 /// Rounds in which disparity and the views' models are refined.
@@ -62,12 +64,6 @@ const TOGETHER: usize = 2048;
 /// Source: chosen.
 const SAME_SURFACE: f32 = 1.0;
 
-/// Usual residuals of a view's own samples, root of the mean square around a place, at which half of the middle view's
-/// picture is believed there.
-///
-/// Source: chosen of 2 and 4 on three light fields at S = 3 (docs/multiview.md).
-const UNFORETOLD: f32 = 4.0;
-
 /// What all views share: the footprint's kernel, the slope of the encoding at each sample, the views' models.
 pub(super) struct JointFit {
     kernel: Kernel,
@@ -76,6 +72,8 @@ pub(super) struct JointFit {
     models: Vec<ViewModel>,
     /// Steps of the solver while the views' light is found and for views beside the middle one; of its last solution.
     steps: [usize; 2],
+    /// From which the view's own samples can be told.
+    neighbours: Neighbours,
     /// What the middle view has found for the others, where they begin with it.
     from_middle: Option<FromMiddle>,
 }
@@ -94,6 +92,20 @@ struct FromMiddle {
 struct Placed {
     rows: Vec<Row>,
     parts: Vec<ViewRows>,
+}
+
+impl Placed {
+    /// Sets the weight of the view's `own` samples.
+    fn set_own(&mut self, own: &Range<u32>, weight: f32) {
+        for row in self.rows.iter_mut().filter(|row| own.contains(&row.sample)) {
+            row.weight = weight;
+        }
+    }
+
+    /// Weighs the samples of the other views, all but `own`.
+    fn weigh_others(&mut self, own: &Range<u32>, trust: &Trust) {
+        trust.weigh(self.rows.iter_mut().filter(|row| !own.contains(&row.sample)));
+    }
 }
 
 impl JointFit {
@@ -116,6 +128,7 @@ impl JointFit {
             slopes,
             models: vec![ViewModel::SAME; rows * columns],
             steps: STEPS.map(|steps| (steps * footprint.reach().max(1.0)) as usize),
+            neighbours: Neighbours::of(&set.points, set.pitch),
             from_middle: None,
         }
     }
@@ -192,8 +205,6 @@ impl JointFit {
         at: (usize, usize),
         grid: &Grid,
     ) -> Problem<'a> {
-        let n = set.points.len() as u32;
-        let first = (at.0 * set.views().1 + at.1) as u32 * n;
         Problem {
             grid: *grid,
             kernel: &self.kernel,
@@ -202,7 +213,7 @@ impl JointFit {
             channels: set.channels(),
             slopes: &self.slopes,
             contrast,
-            own: first..first + n,
+            own: own_samples(set, at.0 * set.views().1 + at.1),
         }
     }
 
@@ -224,8 +235,8 @@ impl JointFit {
                 let grid = self.grid(w, h);
                 let blurred = extended(&alone, &grid);
                 let contrast = mean_contrast(&blurred, grid.width, true);
-                let start = picture.unwrap_or(blurred);
-                let (picture, equal) = self.solve_afresh(set, disparities, at, &grid, &contrast, start);
+                let start = picture.unwrap_or_else(|| blurred.clone());
+                let (picture, equal) = self.solve_afresh(set, disparities, at, &grid, &contrast, &blurred, start);
                 self.from_middle = Some(FromMiddle { picture, equal: equal.into_owned() });
             }
         }
@@ -233,6 +244,7 @@ impl JointFit {
     }
 
     /// The picture of the view `at` on the grid, solved from `start`, and all samples in this view's light.
+    #[allow(clippy::too_many_arguments)] // where it begins, and what it falls back to
     fn solve_afresh<'a>(
         &self,
         set: &'a SampleSet,
@@ -240,15 +252,28 @@ impl JointFit {
         at: (usize, usize),
         grid: &Grid,
         contrast: &[f32],
+        alone: &Planes,
         start: Planes,
     ) -> (Planes, Cow<'a, [[f32; 4]]>) {
         let target = at.0 * set.views().1 + at.1;
-        let placed = self.place(set, disparities, at, grid);
+        let mut placed = self.place(set, disparities, at, grid);
+        let own = own_samples(set, target);
         let mut values = self.values_as_in(set, target);
         let mut planes = start;
+        // The first picture is that of the other views alone, which is to foretell the view's own samples.
+        placed.set_own(&own, 0.0);
+        let mut trust = None;
         for _ in 0..LIGHT_ROUNDS {
             let problem = self.problem(set, &placed, &values, contrast, at, grid);
-            let solution = solve(&problem, planes, &one_solution(self.steps[0]));
+            let steps = self.steps[usize::from(trust.is_none())];
+            let mut solution = solve(&problem, planes, &one_solution(steps));
+            if trust.is_none() {
+                let trust = trust.insert(Trust::new(&problem, &solution.smooth, &self.neighbours, set.pitch));
+                placed.weigh_others(&own, trust);
+                placed.set_own(&own, OWN);
+                solution.planes = trust.mixed(alone.clone(), &solution.planes);
+            }
+            let problem = self.problem(set, &placed, &values, contrast, at, grid);
             let mut equal = values.clone().into_owned();
             equalise(&mut equal, &problem, &solution, &placed.parts, target, set.pitch);
             planes = solution.planes;
@@ -284,57 +309,67 @@ impl JointFit {
         let planes = extended(&alone, &grid);
         let contrast = mean_contrast(&planes, grid.width, !self.slopes.is_empty());
         let Some(middle) = &self.from_middle else {
-            return Ok(picture(&self.solve_afresh(set, disparities, at, &grid, &contrast, planes).0));
+            let start = planes.clone();
+            return Ok(picture(&self.solve_afresh(set, disparities, at, &grid, &contrast, &planes, start).0));
         };
         if at == (views.0 / 2, views.1 / 2) {
             return Ok(picture(&middle.picture));
         }
-        let placed = self.place(set, disparities, at, &grid);
+        let mut placed = self.place(set, disparities, at, &grid);
+        let own = own_samples(set, target);
+        let carried = dispatched(|| self.carried_middle(&middle.picture, disparities, target, &grid, planes.clone()));
         let problem = self.problem(set, &placed, &middle.equal, &contrast, at, &grid);
-        let own = placed.parts.iter().find(|p| p.view == target);
-        let start = dispatched(|| {
-            let carried = carried_middle(&middle.picture, disparities, target, &grid, planes.clone());
-            self.where_foretold(&problem, own, set.pitch, planes, &carried)
-        });
+        let smooth = self.kernel.smooth(&carried, grid.width);
+        let trust = Trust::new(&problem, &smooth, &self.neighbours, set.pitch);
+        let start = trust.mixed(planes, &carried);
+        placed.weigh_others(&own, &trust);
+        let problem = self.problem(set, &placed, &middle.equal, &contrast, at, &grid);
         let mut picture = picture(&solve(&problem, start, &one_solution(self.steps[0])).planes);
         dispatched(|| self.return_light(set, &middle.equal, target, &mut picture));
         Ok(picture)
     }
 
-    /// Where a view's solution begins: the middle view's picture `carried` to it, as far as that foretells the view's `own`
-    /// rows; `alone` elsewhere.
+    /// The middle view's picture as the view `target` sees it; where its surfaces are hidden there, `alone`.
     #[inline(always)]
-    fn where_foretold(
+    fn carried_middle(
         &self,
-        problem: &Problem<'_>,
-        own: Option<&ViewRows>,
-        pitch: f32,
-        alone: Planes,
-        carried: &[Vec<f32>],
+        picture: &[Vec<f32>],
+        disparities: &ViewDisparities,
+        target: usize,
+        grid: &Grid,
+        mut alone: Planes,
     ) -> Planes {
-        let grid = &problem.grid;
-        let smooth = self.kernel.smooth(carried, grid.width);
-        let own = own.into_iter().flat_map(|own| own.of(problem.rows));
-        let left: Vec<([f32; 2], f32)> =
-            own.map(|row| (grid.place(row).into(), problem.left(row, &smooth).1)).collect();
-        let usual = quantile(left.iter().map(|l| l.1), 0.5).unwrap_or(0.0).max(LEAST_RESIDUAL);
-        let view = Size::new(grid.width - 2 * grid.margin, grid.height - 2 * grid.margin);
-        // Mean squares of what is left around each place.
-        let squares = Light::of_values(left.iter().map(|&(p, r)| (p, [r * r, 0.0, 0.0])), view, 0.5 * pitch);
-        let mut start = alone;
+        let views = (disparities.rows, disparities.columns);
+        let middle = (views.0 / 2) * views.1 + views.1 / 2;
+        let [du, dv] = steps_between(views, target, middle);
+        let steps = du.abs().max(dv.abs());
+        let m = grid.margin as f32;
+        let here = &self.models[target];
+        let size = Size::new(grid.width, grid.height);
         for t in 0..grid.height {
             for s in 0..grid.width {
-                let inner = |k: usize, side: usize| k.saturating_sub(grid.margin).min(side - 1);
-                let [square, ..] = squares.at_pixel(inner(s, view.width), inner(t, view.height));
-                let unusual = square / (UNFORETOLD * usual).powi(2);
-                let share = 1.0 / (1.0 + unusual * unusual);
-                let k = t * grid.width + s;
-                for (start, carried) in start.iter_mut().zip(carried) {
-                    start[k] += share * (carried[k] - start[k]);
+                let (x, y) = (s as f32 - m, t as f32 - m);
+                let d = disparities.at(target, x, y);
+                let [sx, sy] = if here.is_shifted() {
+                    let [px, py] = normalised(grid, (x, y));
+                    here.shift_at(px, py)
+                } else {
+                    [0.0; 2]
+                };
+                let (mx, my) = (x + sx - d * du, y + sy - d * dv);
+                let inside = |place: f32, side: usize| place + m > 0.0 && place + m < (side - 1) as f32;
+                let beside = (disparities.near(middle, mx.max(0.0), my.max(0.0)) - d) * steps;
+                if !(inside(mx, size.width) && inside(my, size.height) && beside.abs() <= SAME_SURFACE) {
+                    continue;
+                }
+                let cell = Cell::clamped(mx + m, my + m, size);
+                for (plane, middle) in alone.iter_mut().zip(picture) {
+                    let corners = cell.corners(|x, y| middle[y * grid.width + x]);
+                    plane[t * grid.width + s] = bilinear_by_differences(corners, cell.fx, cell.fy);
                 }
             }
         }
-        start
+        alone
     }
 
     /// Gives a picture in the middle view's light that of the view `target`.
@@ -418,53 +453,13 @@ impl JointFit {
     }
 }
 
-/// The middle view's picture as the view `target` sees it; where its surfaces are hidden there, `alone`.
-#[inline(always)]
-fn carried_middle(
-    picture: &[Vec<f32>],
-    disparities: &ViewDisparities,
-    target: usize,
-    grid: &Grid,
-    mut alone: Planes,
-) -> Planes {
-    let views = (disparities.rows, disparities.columns);
-    let middle = (views.0 / 2) * views.1 + views.1 / 2;
-    let [du, dv] = steps_between(views, target, middle);
-    let steps = du.abs().max(dv.abs());
-    let m = grid.margin as f32;
-    let size = Size::new(grid.width, grid.height);
-    for t in 0..grid.height {
-        for s in 0..grid.width {
-            let (x, y) = (s as f32 - m, t as f32 - m);
-            let d = disparities.at(target, x, y);
-            let (mx, my) = (x - d * du, y - d * dv);
-            let inside = |place: f32, side: usize| place + m > 0.0 && place + m < (side - 1) as f32;
-            let beside = (disparities.near(middle, mx.max(0.0), my.max(0.0)) - d) * steps;
-            if !(inside(mx, size.width) && inside(my, size.height) && beside.abs() <= SAME_SURFACE) {
-                continue;
-            }
-            let cell = Cell::clamped(mx + m, my + m, size);
-            for (plane, middle) in alone.iter_mut().zip(picture) {
-                let corners = cell.corners(|x, y| middle[y * grid.width + x]);
-                plane[t * grid.width + s] = bilinear_by_differences(corners, cell.fx, cell.fy);
-            }
-        }
-    }
-    alone
-}
-
 /// Weights taken once, `steps` of conjugate gradients.
 fn one_solution(steps: usize) -> SolveOptions {
     SolveOptions { reweightings: 0, steps, ..SolveOptions::default() }
 }
 
-/// A picture (t, s, c) as one plane a channel on the grid, its border repeated in the margins.
-fn extended(picture: &Array3<f32>, grid: &Grid) -> Planes {
-    let (h, w, c) = picture.dim();
-    let inner = |k: usize, side: usize| k.saturating_sub(grid.margin).min(side - 1);
-    let plane = |l: usize| {
-        let pixel = |k: usize| picture[[inner(k / grid.width, h), inner(k % grid.width, w), l]];
-        (0..grid.pixels()).map(pixel).collect()
-    };
-    (0..c).map(plane).collect()
+/// The samples of the view `target`.
+fn own_samples(set: &SampleSet, target: usize) -> Range<u32> {
+    let n = set.points.len();
+    (target * n) as u32..((target + 1) * n) as u32
 }

@@ -107,6 +107,18 @@ impl Light {
         Light { width, height, side, means: means_around(&sums, width, height, half_believed) }
     }
 
+    /// The means of cells that anything lies in or beside.
+    pub(super) fn filled(&self) -> impl Iterator<Item = [f32; 3]> + '_ {
+        self.means.iter().filter(|m| m[3] > 0.0).map(|m| [m[0], m[1], m[2]])
+    }
+
+    /// Replaces the means of each cell by one number; 1 where nothing is near.
+    pub(super) fn map(&mut self, number: impl Fn([f32; 3]) -> f32) {
+        for m in &mut self.means {
+            m[0] = if m[3] > 0.0 { number([m[0], m[1], m[2]]) } else { 1.0 };
+        }
+    }
+
     /// At a pixel of the view.
     #[inline(always)]
     pub(super) fn at_pixel(&self, s: usize, t: usize) -> [f32; 3] {

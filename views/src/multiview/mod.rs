@@ -4,6 +4,7 @@
 
 mod cross_validation;
 mod estimate;
+mod extended;
 mod holdout;
 mod joint_disparity;
 mod joint_fit;
@@ -15,6 +16,7 @@ mod refined_views;
 mod sample_set;
 mod smooth_fit;
 mod triangulated;
+mod trust;
 mod view_disparities;
 mod view_models;
 

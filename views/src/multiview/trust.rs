@@ -1,0 +1,236 @@
+//! How far the other views are believed, place by place: the picture found from them foretells the view's own samples, and
+//! so do the samples around each in the view itself. Where what the others leave of them comes near to what the samples
+//! around leave (glass, a wrong disparity, blurred views), the view is better off alone.
+//!
+//! Measured over planted scenes (views/tests/scenes.rs): the joint fit is better than the view alone where the root mean
+//! square of what the other views leave of its samples, beyond noise, is below 0.45 of what the samples around leave, and
+//! worse above, with lenslets and with pixels, with noise and without.
+
+use lenslet_core::geometry::Size;
+
+use super::cross_validation::lower_envelope;
+use super::local_light::Light;
+use crate::inverse::{LEAST_RESIDUAL, Problem, Row};
+
+/// Root mean square that the other views leave of a view's own samples beyond noise, as a share of what the samples around
+/// leave: full trust up to the first, none from the second.
+///
+/// Source: measured, views/tests/scenes.rs: the view alone is as good at 0.45.
+const LEFT: [f32; 2] = [0.35, 0.6];
+
+/// Mean squares this many times those of the quietest places of like light are noise.
+///
+/// Source: chosen: of some thirty samples of noise, one mean in twenty is larger.
+const NOISE: f32 = 2.2;
+
+/// Variance of the difference between a sample and what six around it foretell, of independent noise of variance 1.
+///
+/// Source: computed: 1 + (16 + 1)/(9·6).
+const ONE_AND_AROUND: f32 = 1.31;
+
+/// Power of the trust by which the weight of other views' samples falls: there are many of them.
+///
+/// Source: chosen.
+const POWER: i32 = 3;
+
+/// Side of the cells over which squares are averaged, as a share of that of light's.
+///
+/// Source: chosen; four samples of the view.
+const CELLS: f32 = 0.5;
+
+/// The samples around each sample of a view from which that can be told: those beside it, and those twice as far.
+pub(super) struct Neighbours {
+    /// Where the list of each sample begins.
+    starts: Vec<u32>,
+    /// Pairs of a sample beside, and the one twice as far.
+    pairs: Vec<[u32; 2]>,
+}
+
+impl Neighbours {
+    /// Of samples about `pitch` pixels apart.
+    pub(super) fn of(points: &[[f32; 2]], pitch: f32) -> Self {
+        let buckets = Buckets::new(points, pitch);
+        let mut out = Neighbours { starts: vec![0], pairs: Vec::new() };
+        for (i, p) in points.iter().enumerate() {
+            let first = out.pairs.len();
+            let (mut beside, mut balance) = (0, [0f32; 2]);
+            buckets.near(*p, 1.3 * pitch, |j| {
+                if j as usize == i {
+                    return;
+                }
+                let q = points[j as usize];
+                let twice = [2.0 * q[0] - p[0], 2.0 * q[1] - p[1]];
+                beside += 1;
+                balance = [balance[0] + q[0] - p[0], balance[1] + q[1] - p[1]];
+                let mut beyond = None;
+                buckets.near(twice, 0.4 * pitch, |k| beyond = Some(k));
+                out.pairs.extend(beyond.map(|k| [j, k]));
+            });
+            // At the border and beside gaps nothing is told.
+            if out.pairs.len() - first < beside || beside < 4 || balance[0].hypot(balance[1]) > 0.5 * pitch {
+                out.pairs.truncate(first);
+            }
+            out.starts.push(out.pairs.len() as u32);
+        }
+        out
+    }
+
+    /// What the samples around foretell of the sample `i`, as cubic interpolation would along every direction.
+    pub(super) fn foretold(&self, i: usize, value: impl Fn(u32) -> [f32; 4]) -> Option<[f32; 4]> {
+        let pairs = &self.pairs[self.starts[i] as usize..self.starts[i + 1] as usize];
+        let mut sum = [0f32; 4];
+        for [near, far] in pairs {
+            let (near, far) = (value(*near), value(*far));
+            for (sum, (n, f)) in sum.iter_mut().zip(near.iter().zip(far)) {
+                *sum += (4.0 * n - f) / 3.0;
+            }
+        }
+        (!pairs.is_empty()).then(|| sum.map(|s| s / pairs.len() as f32))
+    }
+}
+
+/// Points by squares of one pitch.
+struct Buckets<'a> {
+    points: &'a [[f32; 2]],
+    side: f32,
+    width: usize,
+    height: usize,
+    starts: Vec<u32>,
+    members: Vec<u32>,
+}
+
+impl<'a> Buckets<'a> {
+    fn new(points: &'a [[f32; 2]], pitch: f32) -> Self {
+        let side = pitch.max(1e-3);
+        let far = |axis: usize| points.iter().fold(0f32, |m, p| m.max(p[axis]));
+        let cells = |axis: usize| ((far(axis) / side) as usize).min(1 << 15) + 1;
+        let (width, height) = (cells(0), cells(1));
+        let mut out = Buckets { points, side, width, height, starts: vec![0; width * height + 1], members: Vec::new() };
+        let cell = |p: &[f32; 2]| out.along(p[1], height) * width + out.along(p[0], width);
+        let cells: Vec<u32> = points.iter().map(|p| cell(p) as u32).collect();
+        for &cell in &cells {
+            out.starts[cell as usize + 1] += 1;
+        }
+        for k in 0..width * height {
+            out.starts[k + 1] += out.starts[k];
+        }
+        let mut next = out.starts.clone();
+        out.members = vec![0; points.len()];
+        for (i, &cell) in cells.iter().enumerate() {
+            out.members[next[cell as usize] as usize] = i as u32;
+            next[cell as usize] += 1;
+        }
+        out
+    }
+
+    fn along(&self, p: f32, cells: usize) -> usize {
+        ((p / self.side).max(0.0) as usize).min(cells - 1)
+    }
+
+    /// Calls `each` with every point nearer to `place` than `reach`.
+    fn near(&self, place: [f32; 2], reach: f32, mut each: impl FnMut(u32)) {
+        for t in self.along(place[1] - reach, self.height)..=self.along(place[1] + reach, self.height) {
+            let row = t * self.width;
+            let (from, to) = (self.along(place[0] - reach, self.width), self.along(place[0] + reach, self.width));
+            let members = self.starts[row + from] as usize..self.starts[row + to + 1] as usize;
+            for &i in &self.members[members] {
+                let p = self.points[i as usize];
+                if (p[0] - place[0]).powi(2) + (p[1] - place[1]).powi(2) < reach * reach {
+                    each(i);
+                }
+            }
+        }
+    }
+}
+
+/// Trust in the other views, 0 to 1, at every pixel of a grid.
+pub(super) struct Trust {
+    pixels: Vec<f32>,
+}
+
+impl Trust {
+    /// From a picture `smooth` (as samples see it) that the view's own samples had no part in.
+    pub(super) fn new(problem: &Problem<'_>, smooth: &[[f32; 4]], neighbours: &Neighbours, pitch: f32) -> Trust {
+        let grid = &problem.grid;
+        let value = |i: u32| problem.values[(problem.own.start + i) as usize];
+        let squares = problem.rows.iter().filter(|row| problem.own.contains(&row.sample)).filter_map(|row| {
+            let i = row.sample - problem.own.start;
+            let around = neighbours.foretold(i as usize, value)?;
+            let here = value(i);
+            let by_samples: [f32; 4] = std::array::from_fn(|l| here[l] - around[l]);
+            let by_views = problem.left(row, smooth).1;
+            let light = here.iter().sum::<f32>();
+            Some((grid.place(row).into(), [by_views.powi(2), problem.size_of(row, &by_samples).powi(2), light]))
+        });
+        let view = Size::new(grid.width - 2 * grid.margin, grid.height - 2 * grid.margin);
+        let mut cells = Light::of_values(squares, view, CELLS * pitch);
+        let of_light = |c: usize| cells.filled().map(|m| (m[2], m[c])).collect();
+        let least = LEAST_RESIDUAL * LEAST_RESIDUAL;
+        // The quietest places are noise; what tells little there is nearer to it.
+        let left = [0, 1].map(|c| lower_envelope(of_light(c), least));
+        let noise_at = |light: f32| left[0].noise_at(light).min(left[1].noise_at(light) / ONE_AND_AROUND).max(least);
+        cells.map(|[views, samples, light]| trust_of(views, samples, noise_at(light)));
+        let inner = |k: usize, side: usize| k.saturating_sub(grid.margin).min(side - 1);
+        let at = |k: usize| cells.at_pixel(inner(k % grid.width, view.width), inner(k / grid.width, view.height))[0];
+        Trust { pixels: (0..grid.pixels()).map(at).collect() }
+    }
+
+    /// Weighs rows of other views.
+    pub(super) fn weigh<'a>(&self, rows: impl Iterator<Item = &'a mut Row>) {
+        for row in rows {
+            row.weight *= self.pixels[row.cell as usize].powi(POWER);
+        }
+    }
+
+    /// The picture `together` where the other views are trusted, `alone` elsewhere.
+    pub(super) fn mixed(&self, mut alone: Vec<Vec<f32>>, together: &[Vec<f32>]) -> Vec<Vec<f32>> {
+        for (alone, together) in alone.iter_mut().zip(together) {
+            for ((alone, together), trust) in alone.iter_mut().zip(together).zip(&self.pixels) {
+                *alone += trust * (together - *alone);
+            }
+        }
+        alone
+    }
+}
+
+fn trust_of(by_views: f32, by_samples: f32, noise: f32) -> f32 {
+    let beyond_noise = (by_views - NOISE * noise).max(0.0);
+    let left = (beyond_noise / by_samples.max(1e-12)).sqrt();
+    let [full, none] = LEFT;
+    let f = ((none - left) / (none - full)).clamp(0.0, 1.0);
+    f * f * (3.0 - 2.0 * f)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lattice() -> Vec<[f32; 2]> {
+        let place = |k: usize| [3.3 * (k % 20) as f32 + 1.65 * ((k / 20) % 2) as f32, 2.858 * (k / 20) as f32];
+        (0..400).map(place).collect()
+    }
+
+    #[test]
+    fn samples_around_foretell_a_parabola_and_nothing_at_the_border() {
+        let points = lattice();
+        let neighbours = Neighbours::of(&points, 3.3);
+        let value = |i: u32| {
+            let [x, y] = points[i as usize];
+            [0.3 + 0.01 * x - 0.02 * y + 0.002 * x * y + 0.001 * y * y, 0.0, 0.0, 0.0]
+        };
+        let inner = 10 * 20 + 10;
+        let found = neighbours.foretold(inner, value).unwrap();
+        assert!((found[0] - value(inner as u32)[0]).abs() < 2e-3, "{found:?}");
+        assert!(neighbours.foretold(0, value).is_none() && neighbours.foretold(19, value).is_none());
+    }
+
+    #[test]
+    fn what_is_foretold_is_trusted_and_what_is_contradicted_is_not() {
+        let noise = 1e-4;
+        assert_eq!(trust_of(1.5e-4, 1.3e-4, noise), 1.0, "noise alone");
+        assert_eq!(trust_of(4e-4, 9e-3, noise), 1.0, "texture foretold");
+        assert_eq!(trust_of(6e-3, 9e-3, noise), 0.0, "texture contradicted");
+        let half = trust_of(2e-3, 9e-3, noise);
+        assert!(half > 0.2 && half < 0.9, "{half}");
+    }
+}
