@@ -1,6 +1,7 @@
 //! What multi-view refinement gains, and learned reconstruction on top of it, against the truth or without one:
 //! `cargo run --release --example multiview -- planes TRUTH_DIR SAMPLES.npz` a simulated capture (`lenslet simulate` writes
-//! TRUTH_DIR/views and TRUTH_DIR/disparity.npy, `lenslet decode` SAMPLES.npz): disparity errors, PSNR and SSIM of each method;
+//! TRUTH_DIR/views, sharp and disparity.npy, `lenslet decode` SAMPLES.npz): disparity errors, PSNR and SSIM of each method
+//! against the sharp truth and against the one that lenslets gather;
 //! `… -- field LIGHT_FIELD [--pitch P] [--truth-disparity GT.pfm]` any light field, its views sampled on a hexagonal grid of
 //! pitch P (1080/328 pixels unless told) and recovered at their own size;
 //! `… -- hidden SAMPLES.npz` a real capture: PSNR on hidden lenslets, and how well views agree.
@@ -22,12 +23,12 @@ use lenslet_core::metrics::{self, BORDER, Scores, Window};
 use lenslet_core::pfm;
 use lenslet_core::progress::Silent;
 use lenslet_core::sampling::{DEFAULT_PITCH, DEFAULT_ROTATION, Footprint};
-use lenslet_views::multiview::{self, Options, RefinedViews, SampleSet};
+use lenslet_views::multiview::{self, Fit, Options, RefinedViews, SampleSet};
 use lenslet_views::{InterpolatedViews, LearnedViews, Method, RenderSamples as _, reconstruct};
 use ndarray::{Array2, Array3, s};
 use serde_json::{Map, Value, json};
 
-const METHODS: [&str; 4] = ["barycentric", "cubic", "multiview", "learned"];
+const METHODS: [&str; 5] = ["barycentric", "cubic", "least squares", "joint", "learned"];
 
 /// What multi-view refinement gains, and learned reconstruction on top of it
 #[derive(clap::Parser)]
@@ -81,19 +82,33 @@ fn render(samples: &HexSamples, target: &Size, wanted: &[(usize, usize)]) -> any
         wanted.iter().map(|&(v, u)| Ok(prepared.render_view(v, u)?)).collect()
     };
     let mut views = vec![single(Interpolation::Barycentric)?, single(Interpolation::Cubic)?];
+    let (points, disparity, seconds) = refined(samples, target, wanted, Fit::Smooth)?;
+    let (discs, ..) = refined(samples, target, wanted, Fit::Joint(None))?;
+    // The dictionary inside the program is made for views by least squares.
+    let learned = learned(samples, target, wanted, &points)?;
+    views.extend([points, discs, learned]);
+    Ok(Rendered { views, disparity, seconds })
+}
+
+/// Views refined by the others, the middle one's disparity, and seconds for it and for the views.
+fn refined(
+    samples: &HexSamples,
+    target: &Size,
+    wanted: &[(usize, usize)],
+    fit: Fit,
+) -> anyhow::Result<(Vec<View>, Array2<f32>, [f64; 2])> {
     let began = Instant::now();
-    let refined = RefinedViews::estimate(SampleSet::hexagonal(samples, target)?, &Options::default(), &Silent)?;
+    let options = Options { fit, ..Options::default() };
+    let refined = RefinedViews::estimate(SampleSet::hexagonal(samples, target)?, &options, &Silent)?;
     let found = began.elapsed().as_secs_f64();
-    let mut together = Vec::new();
+    let mut views = Vec::new();
     let mut keep = |_: usize, _: usize, pixels: Array3<f32>| -> anyhow::Result<()> {
-        together.push(View::new(pixels));
+        views.push(View::new(pixels));
         Ok(())
     };
     refined.render_views(wanted, &mut keep, &Silent)?;
     let seconds = [found, began.elapsed().as_secs_f64() - found];
-    let learned = learned(samples, target, wanted, &together)?;
-    views.extend([together, learned]);
-    Ok(Rendered { views, disparity: refined.disparities().middle.disparity.clone(), seconds })
+    Ok((views, refined.disparities().middle.disparity.clone(), seconds))
 }
 
 /// Refined views reconstructed with the dictionary made for them.
@@ -176,24 +191,25 @@ fn disparity_errors(found: &Array2<f32>, truth: &Array2<f32>, view: &Array3<f32>
 
 fn simulated(truth: &Path, samples: &Path, a: &Arguments) -> anyhow::Result<Value> {
     let samples = HexSamples::load(samples)?;
-    let field = lightfield::load(&truth.join("views"), &ReadOptions::default())?;
     let disparity: Array2<f32> = ndarray_npy::read_npy(truth.join("disparity.npy"))?;
     let (h, w) = disparity.dim();
     let target = Size { width: w, height: h };
     let wanted = scored(samples.views);
-    let truths: Vec<Array3<f32>> = wanted
-        .iter()
-        .map(|&(v, u)| {
+    let truths = |folder: &str| -> anyhow::Result<Vec<Array3<f32>>> {
+        let field = lightfield::load(&truth.join(folder), &ReadOptions::default())?;
+        let view = |&(v, u): &(usize, usize)| {
             let mut view = field.data.slice(s![v, u, .., .., ..]).to_owned();
             colour::convert(&mut view, field.meta.colour, ColourSpace::Srgb);
             view
-        })
-        .collect();
+        };
+        Ok(wanted.iter().map(view).collect())
+    };
+    let (gathered, sharp) = (truths("views")?, truths("sharp")?);
     let rendered = render(&samples, &target, &wanted)?;
-    save(&rendered, Some(&truths[0]), &samples, a)?;
+    save(&rendered, Some(&sharp[0]), &samples, a)?;
     Ok(json!({
-        "disparity": disparity_errors(&rendered.disparity, &disparity, &truths[0]),
-        "scores": scores(&rendered, &truths)?,
+        "disparity": disparity_errors(&rendered.disparity, &disparity, &gathered[0]),
+        "scores": { "sharp": scores(&rendered, &sharp)?, "gathered": scores(&rendered, &gathered)? },
         "agreement": agreement(&rendered, &disparity, samples.views)?,
         "seconds": { "disparity": rendered.seconds[0], "views": rendered.seconds[1] },
     }))
@@ -239,9 +255,14 @@ fn real(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
     let mut hidden = Map::new();
     for method in METHODS.into_iter().filter(|_| !a.quick) {
         let score = multiview::hidden_score::<anyhow::Error>(&samples, &target, 0.1, 1, middle, &mut |rest| {
-            let interpolation = method.parse().unwrap_or(Interpolation::Multiview);
-            let view =
-                InterpolatedViews::prepare(rest, interpolation, &target, &Silent)?.render_view(middle.0, middle.1)?;
+            let views = match method.parse() {
+                Ok(single) => InterpolatedViews::prepare(rest, single, &target, &Silent)?,
+                Err(_) => {
+                    let fit = if method == "joint" { Fit::Joint(None) } else { Fit::Smooth };
+                    InterpolatedViews::refined(rest, &Options { fit, ..Options::default() }, &target, &Silent)?
+                }
+            };
+            let view = views.render_view(middle.0, middle.1)?;
             if method != "learned" {
                 return Ok(view.into_pixels());
             }

@@ -10,10 +10,11 @@ use lenslet_core::container;
 use lenslet_core::decode::{self, HexSamples};
 use lenslet_core::dictionary::PatchPredictor;
 use lenslet_core::geometry::Size;
+use lenslet_core::image::GaussianFilter;
 use lenslet_core::lightfield::{self, ColourSpace, ReadOptions, colour};
 use lenslet_core::metrics;
 use lenslet_core::progress::Silent;
-use lenslet_data_gen::simulate::{self, Camera, Lenslets, Scene, SceneName, Simulation, SimulationOptions};
+use lenslet_data_gen::simulate::{self, Camera, Lenslets, Scene, SceneName, ScenePair, Simulation, SimulationOptions};
 use lenslet_views::reconstruct::{self, Mode};
 use lenslet_views::{Learned, Method, RenderSamples as _};
 use ndarray::{Array2, Array3, s};
@@ -174,7 +175,9 @@ fn the_command_writes_everything_and_the_same_on_any_number_of_threads() {
     {
         assert!(names.contains(&name), "{name} is missing from {names:?}");
     }
-    assert_eq!(names.iter().filter(|n| n.ends_with(".png")).count(), 9);
+    for truth in ["truth/views", "truth/sharp"] {
+        assert_eq!(names.iter().filter(|n| n.starts_with(truth) && n.ends_with(".png")).count(), 9, "{truth}");
+    }
     assert_eq!(one, three);
     for name in ["capture.lfp", "truth/centres.npy"] {
         let of = |all: &[(String, Vec<u8>)]| all.iter().find(|f| f.0 == name).unwrap().1.clone();
@@ -202,6 +205,30 @@ fn the_command_writes_everything_and_the_same_on_any_number_of_threads() {
     colour::convert(&mut corner, ColourSpace::Linear, ColourSpace::Srgb);
     let stored = views.data.slice(s![2, 0, .., .., ..]);
     assert!(corner.iter().zip(&stored).all(|(a, b)| (a - b).abs() < 1e-4));
+}
+
+#[test]
+fn lenslets_gather_the_sharp_scene() {
+    let camera = Camera::with_sensor(300);
+    let scenes = ScenePair::draw(&camera, |camera| Scene::named(SceneName::Slanted, camera, None, 4, &Silent)).unwrap();
+    let size = Size::new(200, 200);
+    let by = |scene: &Scene| simulate::true_view(scene, &camera, [1.0, -1.0], size);
+    let (gathered, sharp) = (by(&scenes.gathered), by(&scenes.sharp));
+    // What the sharp scene lacks of the lenslets' blur, in output pixels.
+    let pixels = camera.lenslets.pitch * 200.0 / 300.0;
+    let sigma = (camera.optics.footprint.powi(2) - camera.sharp().optics.footprint.powi(2)).sqrt() * pixels;
+    let (mut error, mut change) = (0.0, 0.0);
+    for c in 0..3 {
+        let mut blurred: Vec<f32> = sharp.slice(s![.., .., c]).iter().copied().collect();
+        GaussianFilter::new(sigma as f32, 4.0).smooth(&mut blurred, size);
+        let blurred = Array2::from_shape_vec((200, 200), blurred).unwrap();
+        let inner = s![20..180, 20..180];
+        let squares = |a: &Array2<f32>, b: &Array2<f32>| (&a.slice(inner) - &b.slice(inner)).mapv(|d| d * d).sum();
+        let channel = |a: &Array3<f32>| a.slice(s![.., .., c]).to_owned();
+        error += squares(&channel(&gathered), &blurred);
+        change += squares(&channel(&gathered), &channel(&sharp));
+    }
+    assert!(error < 0.02 * change, "blurred, the sharp truth is what lenslets gather: {error} of {change}");
 }
 
 #[test]

@@ -1,7 +1,8 @@
 //! Training crops of views refined by all the others (paper 4.3, then 4.4): photos stand at several depths before the
 //! simulated camera; its captures are calibrated, decoded and refined as a user's would be, noise, colour filters,
-//! jitter of the lenslets and errors of disparity included. The truth is the scene as a lenslet sees it. With the
-//! lattice of a calibrated camera every capture is taken through another piece of that, each lenslet at its own place.
+//! jitter of the lenslets and errors of disparity included. For samples taken for points (least squares) the truth is the
+//! scene as lenslets gather it, for means over a lenslet (the joint fit) the sharp one. With the lattice of a calibrated
+//! camera every capture is taken through another piece of that, each lenslet at its own place.
 
 use std::path::PathBuf;
 
@@ -24,6 +25,7 @@ use crate::error::Error;
 use crate::parameters::Parameters;
 use crate::training_crops::TrainingCrops;
 use lenslet_views::InterpolatedViews;
+use lenslet_views::multiview::{self, Fit};
 use lenslet_views::reconstruct::Measurements;
 
 /// Photos that share a scene.
@@ -44,6 +46,8 @@ const NOISE: f64 = 3.0;
 /// photo only before captures that do not train. For every two captures of photos there is one of a drawn scene, each
 /// with another seed.
 ///
+/// A sample is taken for `footprint`.
+///
 /// Each capture has another disparity, between −0.35 and 0.35 pitches a sensor pixel, often near 0 where views have
 /// the same samples all over again, and noise between none and three times a camera's, mostly little.
 ///
@@ -52,6 +56,7 @@ const NOISE: f64 = 3.0;
 pub fn captured_crops(
     photos: &[PathBuf],
     parameters: &Parameters,
+    footprint: Footprint,
     observer: &dyn Observer,
 ) -> Result<TrainingCrops, Error> {
     let mut data = TrainingCrops { train: Vec::new(), held_out: Vec::new(), photos: Vec::new(), skipped: Vec::new() };
@@ -79,7 +84,7 @@ pub fn captured_crops(
                 simulate::photo_scene(&scene, camera, Some(disparity), seed, &Silent)
             };
             let failed = |e: CaptureError| Error::Crops(format!("a simulated capture of {}: {e}", scene[0].display()));
-            crops.extend(capture(&draw, index, count, parameters).map_err(failed)?);
+            crops.extend(capture(&draw, index, count, footprint, parameters).map_err(failed)?);
             observer.advance(1);
         }
     }
@@ -88,7 +93,8 @@ pub fn captured_crops(
         let draw = |camera: &Camera, disparity, seed| Scene::named(kind, camera, Some(disparity), seed, &Silent);
         let failed = |e: CaptureError| Error::Crops(format!("a simulated capture of the scene {}: {e}", kind.name()));
         let index = AFTER_PHOTOS + k;
-        data.train.extend(capture(&draw, index, 2 * parameters.pairs.crops, parameters).map_err(failed)?);
+        let count = 2 * parameters.pairs.crops;
+        data.train.extend(capture(&draw, index, count, footprint, parameters).map_err(failed)?);
         observer.advance(1);
     }
     Ok(data)
@@ -113,7 +119,13 @@ enum CaptureError {
 type Draw<'a> = &'a dyn Fn(&Camera, f64, u64) -> Result<Scene, simulate::Error>;
 
 /// Crops of one capture.
-fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) -> Result<Vec<Crop>, CaptureError> {
+fn capture(
+    draw: Draw<'_>,
+    index: usize,
+    count: usize,
+    footprint: Footprint,
+    parameters: &Parameters,
+) -> Result<Vec<Crop>, CaptureError> {
     let mut rng = ChaCha8Rng::seed_from_u64(parameters.seed);
     rng.set_stream((5 << 60) | index as u64);
     // As many output pixels as two crops and their borders take, at the camera's own scale.
@@ -148,7 +160,7 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
     let size = simulate::output_size(&camera, side);
     let target = size;
     let alone: &[Interpolation] = parameters.network.as_ref().map_or(&[], |n| &n.side_inputs);
-    let truth = Measurements::new(&samples, Footprint::Point, parameters.degradation.pitch, size, None, alone)?;
+    let truth = Measurements::new(&samples, footprint, parameters.degradation.pitch, size, None, alone)?;
     let (mut refined, mut beside) = (Vec::new(), Vec::new());
     let mut keep = |v: usize, u: usize, view: View| {
         let values = samples.view(v, u);
@@ -161,9 +173,11 @@ fn capture(draw: Draw<'_>, index: usize, count: usize, parameters: &Parameters) 
         );
         Ok::<(), lenslet_views::Error>(())
     };
-    InterpolatedViews::prepare(&samples, Interpolation::Multiview, &target, &Silent)?
-        .render_views(&views, &mut keep, &Silent)?;
+    let refinement = multiview::Options { fit: Fit::for_dictionary(footprint), ..multiview::Options::default() };
+    InterpolatedViews::refined(&samples, &refinement, &target, &Silent)?.render_views(&views, &mut keep, &Silent)?;
 
+    // Where a sample is a point of the picture, that is the scene as lenslets gather it; else the sharp one.
+    let scene = if footprint == Footprint::Lenslet { draw(&camera.sharp(), disparity, options.seed)? } else { scene };
     let truths: Vec<Array2<f32>> = views
         .iter()
         .map(|&at| {
@@ -263,9 +277,9 @@ mod tests {
         (parameters.degradation.pitch, parameters.degradation.rotation) = (5.0, 0.01);
         let kind = SceneName::of_use(DRAWN).next().unwrap();
         let draw = |camera: &Camera, disparity, seed| Scene::named(kind, camera, Some(disparity), seed, &Silent);
-        let regular = capture(&draw, 0, 1, &parameters).unwrap();
+        let regular = capture(&draw, 0, 1, Footprint::Point, &parameters).unwrap();
         parameters.degradation.lattice = Some(lattice());
-        let calibrated = capture(&draw, 0, 1, &parameters).unwrap();
+        let calibrated = capture(&draw, 0, 1, Footprint::Point, &parameters).unwrap();
         assert_eq!(regular[0].low.dim(), calibrated[0].low.dim());
         assert_ne!(regular[0].low, calibrated[0].low);
         let error = |c: &Crop| (&c.low - &c.high).mapv(f32::abs).mean().unwrap();

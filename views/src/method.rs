@@ -20,8 +20,9 @@ use crate::reconstruct;
 pub struct Method {
     /// How the samples are interpolated (sections 4.1 to 4.3).
     pub interpolation: Interpolation,
-    /// How multi-view samples become pixels; other interpolations do not look at it.
-    pub fit: Fit,
+    /// How multi-view samples become pixels; other interpolations do not look at it. `None`: the fit that the dictionary
+    /// was made for ([`Fit::for_dictionary`]), or the usual one where nothing is learned.
+    pub fit: Option<Fit>,
     /// Learned reconstruction of the interpolated views (section 4.4).
     pub learned: Option<Learned>,
 }
@@ -64,7 +65,7 @@ impl Method {
     /// Multi-view samples put together by another fit: [`Fit::Triangulation`] is the paper's own.
     #[must_use]
     pub fn fitted_by(mut self, fit: Fit) -> Method {
-        self.fit = fit;
+        self.fit = Some(fit);
         self
     }
 
@@ -90,6 +91,6 @@ impl Method {
 
 impl From<Interpolation> for Method {
     fn from(interpolation: Interpolation) -> Method {
-        Method { interpolation, fit: Fit::default(), learned: None }
+        Method { interpolation, fit: None, learned: None }
     }
 }

@@ -10,6 +10,7 @@ use rayon::prelude::*;
 
 use super::description::{Bounds, LayerSource};
 use super::error::Error;
+use super::texels::{MOST_TEXELS, TEXEL};
 
 /// A rasterised, low-passed layer.
 #[derive(Debug, Clone)]
@@ -31,16 +32,13 @@ pub struct Layer {
 /// Alpha below which a texel counts as empty: a hundredth of a step of 16-bit output.
 const NOTHING: f32 = 1.5e-7;
 
-/// Texels of one layer at most: 512 MiB.
-const MOST_TEXELS: f64 = 32e6;
-
 impl Layer {
     /// Rasterises `source` over its bounds, or over `canvas` where it has none.
     ///
     /// # Errors
     /// [`Error::Parameter`] when the layer would need too many texels.
     pub fn new(source: &LayerSource, canvas: Bounds, footprint: f64) -> Result<Layer, Error> {
-        let texel = 0.8 * footprint;
+        let texel = TEXEL * footprint;
         let [left, top, right, bottom] = source.bounds.map_or(canvas, |b| {
             // Room for the blur and for the spline's support.
             let rim = 5.0 * footprint + 3.0 * texel;
@@ -72,7 +70,7 @@ impl Layer {
             }
         });
         // 1/16 texel² from the four positions, 1/3 from the spline; the Gaussian brings the rest.
-        let sigma = (0.8f64.powi(-2) - 1.0 / 3.0 - 1.0 / 16.0).sqrt();
+        let sigma = (TEXEL.powi(-2) - 1.0 / 3.0 - 1.0 / 16.0).sqrt();
         blur(&mut texels, columns, rows, sigma);
         let (blocks, block_rows) = (columns.div_ceil(8), rows.div_ceil(8));
         let mut empty = vec![true; blocks * block_rows];

@@ -4,8 +4,9 @@
 //! point's disparity in sensor pixels per sensor pixel of offset. View (v, u) is the offset δ = (u, v)·view_step, so a
 //! point at x in the central view is at x + D·u in view u, D = d·view_step·W_out/W in output pixels per view step.
 //! The lenslet's own aperture low-passes what it sees: every layer is blurred by a Gaussian of [`Optics::footprint`]
-//! pitches before the layers are composited. The truth views are the same blurred layers seen from exactly
-//! one offset, averaged over the output pixel; a sensor pixel also averages over the offsets within its own extent.
+//! pitches before the layers are composited. A true view is a scene seen from exactly one offset, averaged over the output
+//! pixel; a sensor pixel also averages over the offsets within its own extent. There are two truths ([`ScenePair`]): the
+//! sharp scene, what a camera without lenslets would see, and the blurred one, what lenslets gather.
 //! What real optics do besides is switched on by [`Imperfections`].
 
 mod camera;
@@ -26,6 +27,7 @@ mod pixels;
 mod scene;
 mod scene_name;
 mod sensor;
+mod texels;
 mod training_scenes;
 mod truth;
 mod write;
@@ -42,7 +44,7 @@ pub use micro_images::{MicroImages, Seen};
 pub use options::{SimulationOptions, TruthOptions};
 pub use photo_scene::photo_scene;
 pub use pixels::disturb_signal;
-pub use scene::Scene;
+pub use scene::{Scene, ScenePair};
 pub use scene_name::{SceneName, SceneUse};
 pub use sensor::{expose_scene, expose_white, light_pattern, record_mosaic, white_pattern};
 pub use truth::{output_size, true_disparity, true_view, view_offset};

@@ -11,6 +11,7 @@ use super::description::{Canvas, LayerSource, SceneDescription};
 use super::draw::{hash_unit, rotate};
 use super::error::Error;
 use super::scene::Scene;
+use super::texels::TEXEL;
 use crate::photo::decode_photo;
 
 /// Photos a scene at most.
@@ -88,7 +89,7 @@ pub fn photo_scene(
     let disparity = disparity.unwrap_or(if files.len() == 1 { 0.0 } else { DEFAULT_DISPARITY });
     let canvas = Canvas::new(camera, disparity, seed)?;
     let photos = files.iter().map(|f| LinearPhoto::open(f)).collect::<Result<Vec<_>, _>>()?;
-    let half_texel = 0.4 * camera.optics.footprint;
+    let half_texel = 0.5 * TEXEL * camera.optics.footprint;
     let [hx, hy] = canvas.half;
     let last = photos.len() - 1;
     let mut layers = Vec::with_capacity(photos.len());

@@ -36,6 +36,35 @@ const CELL: f64 = 4.0;
 /// Layers of a scene at most.
 const MOST_LAYERS: usize = 32;
 
+/// A scene twice: as lenslets see it, each gathering over its footprint, and as a camera would that has none.
+#[derive(Debug, Clone)]
+pub struct ScenePair {
+    /// For captures.
+    pub gathered: Scene,
+    /// For the truth that multi-view and learned views are to reach.
+    pub sharp: Scene,
+}
+
+impl ScenePair {
+    /// Draws both; `draw` as [`Scene::named`] or [`photo_scene`](super::photo_scene()) for the camera it is given.
+    ///
+    /// ```
+    /// use lenslet_core::progress::Silent;
+    /// use lenslet_data_gen::simulate::{Camera, Scene, SceneName, ScenePair};
+    ///
+    /// let camera = Camera::with_sensor(120);
+    /// let both = ScenePair::draw(&camera, |camera| Scene::named(SceneName::Planes, camera, None, 1, &Silent))?;
+    /// assert_eq!(both.gathered.disparity, both.sharp.disparity);
+    /// # Ok::<(), lenslet_data_gen::simulate::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// Those of `draw`.
+    pub fn draw<E>(camera: &Camera, draw: impl Fn(&Camera) -> Result<Scene, E>) -> Result<ScenePair, E> {
+        Ok(ScenePair { gathered: draw(camera)?, sharp: draw(&camera.sharp())? })
+    }
+}
+
 impl Scene {
     /// Draws the named scene for `camera`. `disparity`: the largest one in lenslet pitches per sensor pixel of offset
     /// (−1..=1; `None`: [`SceneName::default_disparity`]).

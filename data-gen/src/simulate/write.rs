@@ -1,5 +1,5 @@
-//! A simulation on disk: `capture.lfp`, `white-NN.lfp`, and `truth/` with centres, views, disparity and what the scene
-//! was.
+//! A simulation on disk: `capture.lfp`, `white-NN.lfp`, and `truth/` with centres, disparity, views as lenslets gather them
+//! (`views`) and sharp ones (`sharp`), and what the scene was.
 
 use std::io::Write;
 use std::path::Path;
@@ -16,7 +16,7 @@ use super::camera::Camera;
 use super::capture::{Simulation, capture_name};
 use super::error::Error;
 use super::options::{SimulationOptions, TruthOptions};
-use super::scene::Scene;
+use super::scene::{Scene, ScenePair};
 use super::truth;
 
 /// Writes everything into the directory `dir`, which appears when it is complete.
@@ -26,7 +26,7 @@ use super::truth;
 #[allow(clippy::too_many_arguments)] // the record needs every input of the simulation
 pub fn write_simulation(
     dir: &Path,
-    scene: &Scene,
+    scenes: &ScenePair,
     camera: &Camera,
     options: &SimulationOptions,
     simulation: &Simulation,
@@ -35,6 +35,7 @@ pub fn write_simulation(
     observer: &dyn Observer,
 ) -> Result<(), Error> {
     truth.check()?;
+    let scene = &scenes.gathered;
     let pending = Pending::directory(dir, force)?;
     let root = pending.path().to_path_buf();
     let path = root.join(capture_name(camera));
@@ -70,14 +71,29 @@ pub fn write_simulation(
         serde_json::to_vec_pretty(&record).map_err(|e| Error::Write { path: path.clone(), reason: e.to_string() })?;
     write_part(&path, &text).map_err(|e| Error::Write { path, reason: e.to_string() })?;
 
-    let n = truth.views;
+    observer.begin("truth", 2 * (truth.views * truth.views) as u64);
+    write_views(&folder.join("views"), scene, camera, options.seed, truth, observer)?;
+    write_views(&folder.join("sharp"), &scenes.sharp, camera, options.seed, truth, observer)?;
+    pending.commit()?;
+    Ok(())
+}
+
+/// The true views of a scene as a light field.
+fn write_views(
+    to: &Path,
+    scene: &Scene,
+    camera: &Camera,
+    seed: u64,
+    truth: &TruthOptions,
+    observer: &dyn Observer,
+) -> Result<(), Error> {
+    let (n, size) = (truth.views, truth::output_size(camera, truth.size));
     let mut meta = Meta::new([n, n], [size.height, size.width], 3, ColourSpace::Srgb);
     meta.method = Some(ViewOrigin::Truth);
     meta.provenance.push(json!({
-        "tool": "lenslet simulate", "version": env!("CARGO_PKG_VERSION"), "scene": scene.name, "seed": options.seed,
+        "tool": "lenslet simulate", "version": env!("CARGO_PKG_VERSION"), "scene": scene.name, "seed": seed,
     }));
-    let mut sink = lightfield::create(&folder.join("views"), meta, Format::Directory, false)?;
-    observer.begin("truth", (n * n) as u64);
+    let mut sink = lightfield::create(to, meta, Format::Directory, false)?;
     for v in 0..n {
         for u in 0..n {
             observer.check()?;
@@ -88,7 +104,6 @@ pub fn write_simulation(
         }
     }
     sink.finish()?;
-    pending.commit()?;
     Ok(())
 }
 

@@ -87,8 +87,9 @@ impl<'a> MiddleViews<'a> {
             let whole = finish(views.render_view(middle, middle)?.into_pixels())?;
             return Ok(MiddleView { whole, withheld: None });
         }
-        let whole = self.refined(false, method.fit, &size, observer)?;
-        let withheld = self.refined(true, method.fit, &size, observer)?;
+        let fit = method.fit.or(learned.as_ref().map(LearnedViews::fit)).unwrap_or_default();
+        let whole = self.refined(false, fit, &size, observer)?;
+        let withheld = self.refined(true, fit, &size, observer)?;
         Ok(MiddleView { whole: finish(whole)?, withheld: Some(finish(withheld)?) })
     }
 

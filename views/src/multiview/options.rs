@@ -1,5 +1,7 @@
 //! How views are refined by all the others.
 
+use lenslet_core::dictionary::Footprint;
+
 use crate::disparity;
 use crate::inverse::SampleFootprint;
 
@@ -24,6 +26,23 @@ impl Fit {
     #[must_use]
     pub fn for_enlargement(scale: f64) -> Self {
         if scale >= LEAST_ENLARGEMENT { Fit::Joint(None) } else { Fit::Smooth }
+    }
+
+    /// The fit whose views a dictionary sharpens that takes a sample for this footprint: the joint fit where it is the mean
+    /// over a lenslet, least squares where it is a point.
+    ///
+    /// ```
+    /// use lenslet_core::dictionary::Footprint;
+    /// use lenslet_views::multiview::Fit;
+    /// assert_eq!(Fit::for_dictionary(Footprint::Lenslet), Fit::Joint(None));
+    /// assert_eq!(Fit::for_dictionary(Footprint::Point), Fit::Smooth);
+    /// ```
+    #[must_use]
+    pub fn for_dictionary(footprint: Footprint) -> Self {
+        match footprint {
+            Footprint::Lenslet => Fit::Joint(None),
+            Footprint::Point | Footprint::Grid => Fit::Smooth,
+        }
     }
 
     /// Name on the command line and in records.

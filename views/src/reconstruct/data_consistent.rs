@@ -69,6 +69,12 @@ impl DataConsistent {
         Ok(View::new(guided::with_luminance(low.pixels(), &y, &sharp, self.reconstructor.colour_radius())))
     }
 
+    /// The dictionary's model made ready.
+    #[must_use]
+    pub fn reconstructor(&self) -> &Reconstructor {
+        &self.reconstructor
+    }
+
     /// The measured samples and their noise.
     #[must_use]
     pub fn measurements(&self) -> &Measurements {

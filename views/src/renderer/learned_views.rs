@@ -17,6 +17,7 @@ use lenslet_core::sampling::bicubic;
 
 use super::working_size::working_size;
 use crate::Error;
+use crate::multiview::Fit;
 use crate::reconstruct::{Available, DataConsistent, Options, Plan, Reconstructor};
 
 /// Learned reconstruction prepared for views that one interpolation made of these samples.
@@ -84,6 +85,16 @@ impl<'a> LearnedViews<'a> {
     #[must_use]
     pub fn working_size(&self) -> Size {
         self.working
+    }
+
+    /// The fit whose refined views the dictionary was made for.
+    #[must_use]
+    pub fn fit(&self) -> Fit {
+        let model = match &self.step {
+            Step::Consistent(step) => step.reconstructor().model(),
+            Step::Alone(step) => step.model(),
+        };
+        Fit::for_dictionary(model.footprint)
     }
 
     /// The predictor, the step between patches and the copies averaged.

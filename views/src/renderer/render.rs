@@ -81,7 +81,8 @@ impl<'a> Renderer<'a> {
         };
         let working = learned.as_ref().map_or(size, LearnedViews::working_size);
         let interpolated = if interpolation == Interpolation::Multiview {
-            let options = multiview::Options { fit: method.fit, ..multiview::Options::default() };
+            let fit = method.fit.or(learned.as_ref().map(LearnedViews::fit)).unwrap_or_default();
+            let options = multiview::Options { fit, ..multiview::Options::default() };
             InterpolatedViews::refined(samples, &options, &working, observer)?
         } else {
             InterpolatedViews::prepare(samples, interpolation, &working, observer)?

@@ -289,12 +289,9 @@ impl Args {
         }
     }
 
-    fn fit(&self) -> Fit {
-        self.fit.map(Fit::from).unwrap_or_default()
-    }
-
     fn method(&self) -> anyhow::Result<Method> {
-        let interpolated = Method::from(self.interpolation()).fitted_by(self.fit());
+        let mut interpolated = Method::from(self.interpolation());
+        interpolated.fit = self.fit.map(Fit::from);
         match self.method {
             MethodName::Interpolation(_) => Ok(interpolated),
             MethodName::Learned => {
@@ -529,7 +526,7 @@ fn describe_views(
         "calibration_sources": calibration.origin.sources,
         "method": args.method.name(),
         "base": (args.method == MethodName::Learned).then(|| args.base().name()),
-        "fit": args.fit.map(|_| args.fit().name()),
+        "fit": args.fit.map(|fit| Fit::from(fit).name()),
         "view_step": args.view_step,
         "steps": options.steps.names(),
         "white_balance": format!("{:?}", args.white_balance),

@@ -16,7 +16,9 @@ use lenslet_core::lightfield::{ColourSpace, View, colour};
 use lenslet_core::metrics::{BORDER, Scores, Window};
 use lenslet_core::output::{self, Pending};
 use lenslet_core::progress::Observer;
-use lenslet_data_gen::simulate::{self, Camera, Lenslets, Scene, SceneName, SimulationOptions, TruthOptions};
+use lenslet_data_gen::simulate::{
+    self, Camera, Lenslets, Scene, SceneName, ScenePair, SimulationOptions, TruthOptions,
+};
 use lenslet_views::reconstruct;
 use lenslet_views::{InterpolatedViews, LearnedViews};
 use ndarray::{Array3, Axis};
@@ -64,15 +66,16 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
 
     let camera = Camera::with_sensor(2 * (args.size * 3280 / 1080).div_ceil(2));
     let options = SimulationOptions { seed: args.seed, ..SimulationOptions::default() };
-    let scene = Scene::named(SceneName::Natural, &camera, None, args.seed, observer)
-        .map_err(super::simulate::usage_or_failure)?;
+    let draw = |camera: &Camera| Scene::named(SceneName::Natural, camera, None, args.seed, observer);
+    let scenes = ScenePair::draw(&camera, draw).map_err(super::simulate::usage_or_failure)?;
+    let scene = &scenes.gathered;
     let simulation =
-        simulate::render_capture(&scene, &camera, &options, observer).map_err(super::simulate::usage_or_failure)?;
+        simulate::render_capture(scene, &camera, &options, observer).map_err(super::simulate::usage_or_failure)?;
     let size = simulate::output_size(&camera, args.size);
     let truth_options = TruthOptions { views: VIEWS, view_step: 1.0, size: args.size };
     simulate::write_simulation(
         &root.join("simulated"),
-        &scene,
+        &scenes,
         &camera,
         &options,
         &simulation,
@@ -84,7 +87,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let truth: Vec<_> = SCORED
         .iter()
         .map(|&(v, u)| {
-            let mut view = simulate::true_view(&scene, &camera, simulate::view_offset([v, u], VIEWS, 1.0), size);
+            let mut view = simulate::true_view(scene, &camera, simulate::view_offset([v, u], VIEWS, 1.0), size);
             colour::convert(&mut view, ColourSpace::Linear, ColourSpace::Srgb);
             view
         })

@@ -6,7 +6,7 @@ use lenslet_core::container::CameraProfile;
 use lenslet_core::geometry::Size;
 use lenslet_core::output::{self, Kind};
 use lenslet_data_gen::simulate::{
-    self, Camera, Imperfections, LensletGrid, Optics, Scene, SceneName, SimulationOptions, TruthOptions,
+    self, Camera, Imperfections, LensletGrid, Optics, Scene, SceneName, ScenePair, SimulationOptions, TruthOptions,
 };
 use serde_json::json;
 
@@ -25,7 +25,8 @@ Examples: lenslet simulate --out sim
           lenslet simulate --optics real --out real
 
 Writes capture.lfp (capture.lfr where the camera puts a white image into it, capture.jpg with --optics jpeg),
-white-00.lfp ..., and truth/: centres.npy (N x 2: x, y of the micro-images in sensor pixels, pixel centres at integers), views/ (a light field), disparity.npy
+white-00.lfp ..., and truth/: centres.npy (N x 2: x, y of the micro-images in sensor pixels, pixel centres at integers), views/ (a light field, as lenslets gather the scene), sharp/ (the same without
+lenslets), disparity.npy
 (central view, output pixels per view step: a point at x in the central view is at x + D*u in view u), scene.json
 (camera, scene, and where the charts' elements are).
 A scene's detail is drawn in lenslet pitches, so a small sensor sees a smaller piece at the same detail.")]
@@ -173,14 +174,17 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     check_folder_name(&args.out)?;
     output::check_target(&args.out, Kind::Directory, args.force, &inputs)?;
     let observer = &context.progress;
-    let scene = if args.photo.is_empty() {
-        Scene::named(args.scene, &camera, args.disparity, args.seed, observer)
-    } else {
-        simulate::photo_scene(&args.photo, &camera, args.disparity, args.seed, observer)
-    };
-    let scene = scene.map_err(usage_or_failure)?;
-    let simulation = simulate::render_capture(&scene, &camera, &options, observer).map_err(usage_or_failure)?;
-    simulate::write_simulation(&args.out, &scene, &camera, &options, &simulation, &truth, args.force, observer)
+    let scenes = ScenePair::draw(&camera, |camera| {
+        if args.photo.is_empty() {
+            Scene::named(args.scene, camera, args.disparity, args.seed, observer)
+        } else {
+            simulate::photo_scene(&args.photo, camera, args.disparity, args.seed, observer)
+        }
+    });
+    let scenes = scenes.map_err(usage_or_failure)?;
+    let scene = &scenes.gathered;
+    let simulation = simulate::render_capture(scene, &camera, &options, observer).map_err(usage_or_failure)?;
+    simulate::write_simulation(&args.out, &scenes, &camera, &options, &simulation, &truth, args.force, observer)
         .map_err(usage_or_failure)?;
     let out = args.out.display();
     let Size { width, height } = camera.sensor;

@@ -160,8 +160,10 @@ fn parameters(args: &Args) -> anyhow::Result<Parameters> {
     }
     p.degradation.base = args.base.map(Interpolation::from).or(p.degradation.base);
     if p.degradation.base == Some(Interpolation::Multiview) {
-        // The simulated camera's truth is what a lenslet sees: a sample is the truth at a point.
-        p.degradation.footprints = vec![Footprint::Point];
+        if args.footprint.is_empty() && args.parameters.is_none() {
+            // For views by least squares: a sample is the scene at a point, as lenslets gather it.
+            p.degradation.footprints = vec![Footprint::Point];
+        }
         if args.noise.is_some() || args.shrink.is_some() {
             return Err(Usage("--noise and --shrink do not go with --base multiview".into()).into());
         }
@@ -253,8 +255,8 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     };
     let progress = &context.progress;
     let outcome = if parameters.degradation.base == Some(Interpolation::Multiview) {
-        let mut crops = |_, observer: &dyn lenslet_core::progress::Observer| {
-            lenslet_train::captured_crops(&args.photos, &parameters, observer)
+        let mut crops = |footprint, observer: &dyn lenslet_core::progress::Observer| {
+            lenslet_train::captured_crops(&args.photos, &parameters, footprint, observer)
         };
         train_on_crops(&mut crops, &parameters, Some(&checkpoint), args.resume, progress, &mut line)
     } else {
