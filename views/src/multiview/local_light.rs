@@ -188,7 +188,7 @@ mod tests {
                 rows.extend(grid.row(x, y, kernel.radius() as f32, 1.0, values.len()));
                 values.push([scene(x, y) + shine(view, x), 0.0, 0.0, 0.0]);
             }
-            parts.push(ViewRows { view, ranges: vec![first..rows.len()] });
+            parts.push(ViewRows { view, ranges: std::iter::once(first..rows.len()).collect() });
         }
         let contrast = vec![0.05; grid.pixels()];
         let problem = Problem {
