@@ -4,11 +4,13 @@
 //! Internally, atoms have another order: sixteen atoms that resemble each other fill a chunk, so that the atoms a
 //! signal needs lie in few chunks. Codes number atoms as the caller does.
 
+use std::sync::OnceLock;
+
 use ndarray::{Array2, ArrayView2};
 
 use super::error::Error;
 use super::kernel::gap;
-use super::kernel::product::{Correlate, GROUP, PANEL, Panels};
+use super::kernel::product::{Correlate, CorrelateOne, GROUP, MAX_CHUNKS_SEARCHED_WHOLE, PANEL, Panels};
 use super::kernel::simd::{Chunk, Kernel, Lanes, Simd, dispatch, flat, flat_mut};
 
 /// Most atoms accepted: more would need over a gibibyte of Gram matrix.
@@ -26,8 +28,11 @@ pub struct Prepared {
     rows: Vec<Chunk>,
     /// Atoms in the layout of the product.
     panels: Panels,
-    /// K rows of chunks over all atoms, zero beyond K.
+    /// K rows of chunks over all atoms, zero beyond K; empty where `rows_on_demand` are used.
     gram: Vec<Chunk>,
+    /// The same rows, each computed when it is first needed, where there are more atoms than are searched whole: few
+    /// signals need few of them.
+    rows_on_demand: Vec<OnceLock<Box<[Chunk]>>>,
     simd: Simd,
 }
 
@@ -64,9 +69,35 @@ impl Prepared {
         self.panels.width
     }
 
+    /// The whole Gram matrix, of dictionaries of at most [`MAX_CHUNKS_SEARCHED_WHOLE`] chunks; empty for larger ones.
     #[inline(always)]
     pub(crate) fn gram(&self) -> &[Chunk] {
         &self.gram
+    }
+
+    /// Row `k` of the Gram matrix, padded with zeros, in the internal order.
+    #[inline(always)]
+    pub(crate) fn gram_chunks(&self, k: usize) -> &[Chunk] {
+        match self.rows_on_demand.get(k) {
+            None => &self.gram[k * self.width()..][..self.width()],
+            Some(row) => row.get().map_or_else(|| self.fill_row(k, row), |row| row),
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn fill_row<'a>(&self, k: usize, row: &'a OnceLock<Box<[Chunk]>>) -> &'a [Chunk] {
+        row.get_or_init(|| {
+            let mut out = vec![Chunk::ZERO; self.width()].into_boxed_slice();
+            self.correlate_atom(k, &mut out);
+            out
+        })
+    }
+
+    /// Inner products of atom `k` with all atoms into `out`, a row of chunks.
+    fn correlate_atom(&self, k: usize, out: &mut [Chunk]) {
+        let vector = self.atom(k);
+        dispatch(self.simd, CorrelateOne { panels: &self.panels, vector, out });
     }
 
     #[inline(always)]
@@ -77,7 +108,7 @@ impl Prepared {
     /// Inner products of atom `k` in the internal order with every atom.
     #[inline(always)]
     pub(crate) fn gram_row(&self, k: usize) -> &[f32] {
-        &flat(&self.gram[k * self.width()..(k + 1) * self.width()])[..self.atom_count()]
+        &flat(self.gram_chunks(k))[..self.atom_count()]
     }
 
     /// The caller's number of atom `k` in the internal order.
@@ -123,7 +154,8 @@ impl Kernel for CorrelateF64<'_> {
     }
 }
 
-/// Prepares atoms (K×m, one unit-norm atom per row; norms within 1e-3 of 1) for solving. Costs one K×K Gram matrix.
+/// Prepares atoms (K×m, one unit-norm atom per row; norms within 1e-3 of 1) for solving. Up to 256 atoms it
+/// costs their K×K Gram matrix; of more, K²m/16 products, and solving computes the rows of the Gram matrix that it needs.
 ///
 /// # Errors
 /// Non-finite atoms, empty shapes, norms far from one, more than 16,384 atoms or values per signal.
@@ -159,10 +191,13 @@ pub fn prepare(atoms: ArrayView2<'_, f32>) -> Result<Prepared, Error> {
     }
     let atoms = atoms.as_standard_layout().into_owned();
     let as_given = arrange(atoms, (0..k as u32).collect());
-    let order = similarity_order(&gram(&as_given), k, as_given.width());
+    if as_given.width() <= MAX_CHUNKS_SEARCHED_WHOLE {
+        // All atoms are searched together: their order does not matter.
+        return Ok(Prepared { gram: gram(&as_given), ..as_given });
+    }
+    let order = similarity_order(&as_given);
     let prepared = arrange(as_given.atoms, order);
-    let gram = gram(&prepared);
-    Ok(Prepared { gram, ..prepared })
+    Ok(Prepared { rows_on_demand: (0..k).map(|_| OnceLock::new()).collect(), ..prepared })
 }
 
 /// Everything but the Gram matrix, for atoms in `order`.
@@ -181,7 +216,7 @@ fn arrange(atoms: Array2<f32>, order: Vec<u32>) -> Prepared {
         }
     }
     let panels = Panels { values, signal_len: m, width };
-    Prepared { atoms, order, rows, panels, gram: Vec::new(), simd: Simd::best() }
+    Prepared { atoms, order, rows, panels, gram: Vec::new(), rows_on_demand: Vec::new(), simd: Simd::best() }
 }
 
 /// Rows of `width` chunks: inner products of all atoms with all atoms, in the internal order.
@@ -196,32 +231,31 @@ fn gram(prepared: &Prepared) -> Vec<Chunk> {
     gram
 }
 
-/// An order that puts atoms that resemble each other (by |inner product|) into the same chunk: the atom that resembles
-/// the remaining ones most, then fifteen that resemble the chunk so far most; of equals the lowest number.
-fn similarity_order(gram: &[Chunk], k: usize, width: usize) -> Vec<u32> {
-    let row = |i: usize| &flat(&gram[i * width..(i + 1) * width])[..k];
-    let mut left = vec![true; k];
-    let mut with_left: Vec<f32> = (0..k).map(|i| row(i).iter().map(|g| g.abs()).sum()).collect();
-    let mut with_chunk = vec![0.0f32; k];
+/// An order that puts atoms that resemble each other (by |inner product|) into the same chunk: the first atom left, then the
+/// fifteen of those left that resemble it most; of equals the lowest number.
+fn similarity_order(prepared: &Prepared) -> Vec<u32> {
+    let k = prepared.atom_count();
+    let mut left: Vec<u32> = (0..k as u32).collect();
     let mut order = Vec::with_capacity(k);
-    for place in 0..k {
-        let score = if place % 16 == 0 { &with_left } else { &with_chunk };
-        let mut best = (f32::NEG_INFINITY, 0);
-        for i in 0..k {
-            if left[i] && score[i] > best.0 {
-                best = (score[i], i);
-            }
+    let mut row = vec![Chunk::ZERO; prepared.width()];
+    let mut ranked: Vec<u64> = Vec::with_capacity(k);
+    while let Some(&first) = left.first() {
+        prepared.correlate_atom(first as usize, &mut row);
+        let row = flat(&row);
+        // Sizes in front, as their bits ascend with them; numbers behind. The first atom stays the first.
+        ranked.clear();
+        ranked.extend(left.iter().skip(1).map(|&i| u64::from(!row[i as usize].abs().to_bits()) << 32 | u64::from(i)));
+        if ranked.len() > 15 {
+            ranked.select_nth_unstable(14);
+            ranked.truncate(15);
         }
-        let taken = best.1;
-        if place % 16 == 0 {
-            with_chunk.fill(0.0);
-        }
-        left[taken] = false;
-        order.push(taken as u32);
-        for ((chunk, all), g) in with_chunk.iter_mut().zip(&mut with_left).zip(row(taken)) {
-            *chunk += g.abs();
-            *all -= g.abs();
-        }
+        ranked.sort_unstable();
+        order.push(first);
+        order.extend(ranked.iter().map(|&r| r as u32));
+        let taken = &order[order.len() - ranked.len() - 1..];
+        let mut is_taken = std::mem::take(&mut left);
+        is_taken.retain(|i| !taken.contains(i));
+        left = is_taken;
     }
     order
 }

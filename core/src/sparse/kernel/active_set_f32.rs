@@ -10,12 +10,12 @@
 //! memory or for a chain of additions. Their numbers are independent of each other.
 
 use super::active_set_mixed::CONTINUATION;
-use super::candidate_search::{self, MAX_CHUNKS_SEARCHED_WHOLE, Search, find_entering};
+use super::candidate_search::{self, Search, find_entering};
 use super::certificate::{Settled, certified_gap};
-use super::product;
-use super::scratch::{LARGE_STATE_CHUNKS, Scratch, Slot, Solved, Unfinished};
+use super::product::{self, MAX_CHUNKS_SEARCHED_WHOLE};
+use super::scratch::{Scratch, Slot, Solved, Unfinished};
 use super::simd::{Chunk, Kernel, Lanes, flat};
-use super::state::{State, Task};
+use super::state::{LARGE_STATE_CHUNKS, State, Task};
 use super::update::{add_atom, lower_lambda};
 use crate::sparse::penalty::Penalty;
 use crate::sparse::prepared::Prepared;

@@ -10,7 +10,7 @@
 
 use super::active_set_f64::gap_in_span;
 use super::gap;
-use super::product::{PANEL, Panels};
+use super::product::correlate_one;
 use super::simd::{Chunk, Kernel, Lanes, flat, flat_mut};
 use super::support_f64::{Added, Support};
 use crate::sparse::prepared::Prepared;
@@ -302,54 +302,6 @@ impl MixedScratch {
             }
         }
         (largest, nearest)
-    }
-}
-
-/// Inner products of one vector (m values) with all atoms, a row of `panels.width` chunks.
-#[inline(always)]
-fn correlate_one<S: Lanes>(lanes: S, panels: &Panels, vector: &[f32], out: &mut [Chunk]) {
-    let vector = &vector[..panels.signal_len];
-    let m = panels.signal_len;
-    let mut from = 0;
-    if S::WIDE {
-        while from + 4 <= panels.width / PANEL {
-            correlate_panels::<S, 4>(lanes, panels, vector, from, out);
-            from += 4;
-        }
-        while from + 2 <= panels.width / PANEL {
-            correlate_panels::<S, 2>(lanes, panels, vector, from, out);
-            from += 2;
-        }
-    }
-    while from < panels.values.len() / m {
-        correlate_panels::<S, 1>(lanes, panels, vector, from, out);
-        from += 1;
-    }
-}
-
-#[inline(always)]
-fn correlate_panels<S: Lanes, const P: usize>(
-    lanes: S,
-    panels: &Panels,
-    vector: &[f32],
-    from: usize,
-    out: &mut [Chunk],
-) {
-    let m = vector.len();
-    let rows: [&[[Chunk; PANEL]]; P] = std::array::from_fn(|p| &panels.values[(from + p) * m..][..m]);
-    let mut sums = [[lanes.splat(0.0); PANEL]; P];
-    for i in 0..m {
-        let value = lanes.splat(vector[i]);
-        for p in 0..P {
-            for part in 0..PANEL {
-                sums[p][part] = lanes.fma(value, lanes.load(&rows[p][i][part]), sums[p][part]);
-            }
-        }
-    }
-    for p in 0..P {
-        for part in 0..PANEL {
-            lanes.store(&mut out[(from + p) * PANEL + part], sums[p][part]);
-        }
     }
 }
 

@@ -8,8 +8,9 @@
 // Loops by index: iterator chains are not always inlined into the function that has the processor's features.
 #![allow(clippy::needless_range_loop)]
 
+use super::product::MAX_CHUNKS_SEARCHED_WHOLE;
 use super::simd::{Chunk, Lanes, flat, flat_mut};
-use super::state::{CANDIDATE_CHUNKS, Entering, State, Task};
+use super::state::{CANDIDATE_CHUNKS, Entering, LARGE_STATE_CHUNKS, State, Task};
 
 /// Result of a search.
 pub(crate) enum Search {
@@ -61,7 +62,7 @@ pub(crate) fn find_entering<S: Lanes, const C: usize, const CANDIDATES: bool>(
     };
     let mut c = lanes.load(&correlations[chunk]);
     for (&k, &value) in state.support().iter().zip(state.values()) {
-        let part = &task.dictionary.gram()[k as usize * correlations.len() + chunk];
+        let part = &task.dictionary.gram_chunks(k as usize)[chunk];
         c = lanes.fnma(lanes.splat(value), lanes.load(part), c);
     }
     let size = if task.nonnegative { c } else { lanes.abs(c) };
@@ -71,10 +72,6 @@ pub(crate) fn find_entering<S: Lanes, const C: usize, const CANDIDATES: bool>(
 
 /// Bits of a tag: the place of a chunk times 16 plus a lane, in place of the last bits of a number.
 const TAG: u32 = 0xFF;
-/// Up to this many chunks (256 atoms), every round searches all of them.
-///
-/// Source: measured; up to 256 atoms searching all is faster (docs/sparse-coding.md).
-pub(crate) const MAX_CHUNKS_SEARCHED_WHOLE: usize = 16;
 /// The tags of all lanes of that many chunks.
 static TAGS: [Chunk; MAX_CHUNKS_SEARCHED_WHOLE] = {
     let mut tags = [Chunk::ZERO; MAX_CHUNKS_SEARCHED_WHOLE];
@@ -109,9 +106,8 @@ fn admit_atom<S: Lanes, const C: usize, const CANDIDATES: bool>(
     let (at, lane) = (tag as usize / 16, tag as usize % 16);
     let chunk = if CANDIDATES { state.candidates[at & (CANDIDATE_CHUNKS - 1)] as usize } else { at };
     let entering = Entering { atom: chunk * 16 + lane, at, lane };
-    let width = task.dictionary.width();
-    let row = &task.dictionary.gram()[entering.atom * width..][..width];
     if CANDIDATES {
+        let row = task.dictionary.gram_chunks(entering.atom);
         for &chunk in &state.candidates {
             lanes.prefetch(&row[chunk as usize]);
         }
@@ -229,14 +225,19 @@ pub(crate) fn search_all<S: Lanes>(
     peaks: &mut [Chunk],
 ) -> f32 {
     let mut from = 0;
+    let mut rows: [&[Chunk]; 16 * LARGE_STATE_CHUNKS] = [&[]; 16 * LARGE_STATE_CHUNKS];
+    for (row, &k) in rows.iter_mut().zip(support) {
+        *row = task.dictionary.gram_chunks(k as usize);
+    }
+    let rows = &rows[..support.len()];
     if S::WIDE {
         while from + 8 <= correlations.len() {
-            search_chunks::<S, 8>(lanes, task, correlations, from, support, values, peaks);
+            search_chunks::<S, 8>(lanes, task, correlations, from, rows, values, peaks);
             from += 8;
         }
     }
     while from + 4 <= correlations.len() {
-        search_chunks::<S, 4>(lanes, task, correlations, from, support, values, peaks);
+        search_chunks::<S, 4>(lanes, task, correlations, from, rows, values, peaks);
         from += 4;
     }
     let mut most = (lanes.splat(0.0), lanes.splat(0.0));
@@ -252,17 +253,16 @@ fn search_chunks<S: Lanes, const B: usize>(
     task: &Task<'_>,
     correlations: &[Chunk],
     from: usize,
-    support: &[u32],
+    rows: &[&[Chunk]],
     values: &[f32],
     peaks: &mut [Chunk],
 ) {
-    let (width, gram) = (correlations.len(), task.dictionary.gram());
     let mut c = [lanes.splat(0.0); B];
     for (c, own) in c.iter_mut().zip(&correlations[from..from + B]) {
         *c = lanes.load(own);
     }
-    for (&k, &value) in support.iter().zip(values) {
-        let row = &gram[k as usize * width + from..][..B];
+    for (row, &value) in rows.iter().zip(values) {
+        let row = &row[from..][..B];
         let value = lanes.splat(value);
         for i in 0..B {
             c[i] = lanes.fnma(value, lanes.load(&row[i]), c[i]);
@@ -325,10 +325,9 @@ fn choose_candidates<S: Lanes, const C: usize>(
         state.candidates[i] = state.candidates[0];
     }
     state.has_candidates = true;
-    let (width, gram) = (task.dictionary.width(), task.dictionary.gram());
     let n = state.n;
     for i in 0..n {
-        let row = &gram[state.support()[i] as usize * width..][..width];
+        let row = task.dictionary.gram_chunks(state.support()[i] as usize);
         let parts = &mut state.candidate_rows.as_flattened_mut()[i];
         for (part, &chunk) in parts.iter_mut().zip(&state.candidates) {
             *part = row[chunk as usize];

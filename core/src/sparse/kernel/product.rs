@@ -12,6 +12,11 @@ pub(crate) const GROUP: usize = 6;
 /// Source: chosen; see [`GROUP`].
 pub(crate) const PANEL: usize = 4;
 
+/// Up to this many chunks (256 atoms), every round searches all of them.
+///
+/// Source: measured; up to 256 atoms searching all is faster (docs/sparse-coding.md).
+pub(crate) const MAX_CHUNKS_SEARCHED_WHOLE: usize = 16;
+
 /// Atoms laid out for the product.
 #[derive(Debug, Clone)]
 pub(crate) struct Panels {
@@ -89,6 +94,70 @@ fn correlate_panels<S: Lanes, const P: usize>(
                     }
                 }
             }
+        }
+    }
+}
+
+/// The product of one vector with all atoms; bit by bit that of [`Correlate`].
+pub(crate) struct CorrelateOne<'a> {
+    pub panels: &'a Panels,
+    pub vector: &'a [f32],
+    /// A row of `panels.width` chunks.
+    pub out: &'a mut [Chunk],
+}
+
+impl Kernel for CorrelateOne<'_> {
+    type Out = ();
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) {
+        correlate_one(lanes, self.panels, self.vector, self.out);
+    }
+}
+
+/// Inner products of one vector (m values) with all atoms, a row of `panels.width` chunks.
+#[inline(always)]
+pub(crate) fn correlate_one<S: Lanes>(lanes: S, panels: &Panels, vector: &[f32], out: &mut [Chunk]) {
+    let vector = &vector[..panels.signal_len];
+    let m = panels.signal_len;
+    let mut from = 0;
+    if S::WIDE {
+        while from + 4 <= panels.width / PANEL {
+            correlate_one_panels::<S, 4>(lanes, panels, vector, from, out);
+            from += 4;
+        }
+        while from + 2 <= panels.width / PANEL {
+            correlate_one_panels::<S, 2>(lanes, panels, vector, from, out);
+            from += 2;
+        }
+    }
+    while from < panels.values.len() / m {
+        correlate_one_panels::<S, 1>(lanes, panels, vector, from, out);
+        from += 1;
+    }
+}
+
+#[inline(always)]
+fn correlate_one_panels<S: Lanes, const P: usize>(
+    lanes: S,
+    panels: &Panels,
+    vector: &[f32],
+    from: usize,
+    out: &mut [Chunk],
+) {
+    let m = vector.len();
+    let rows: [&[[Chunk; PANEL]]; P] = std::array::from_fn(|p| &panels.values[(from + p) * m..][..m]);
+    let mut sums = [[lanes.splat(0.0); PANEL]; P];
+    for i in 0..m {
+        let value = lanes.splat(vector[i]);
+        for p in 0..P {
+            for part in 0..PANEL {
+                sums[p][part] = lanes.fma(value, lanes.load(&rows[p][i][part]), sums[p][part]);
+            }
+        }
+    }
+    for p in 0..P {
+        for part in 0..PANEL {
+            lanes.store(&mut out[(from + p) * PANEL + part], sums[p][part]);
         }
     }
 }

@@ -73,7 +73,6 @@ fn pursue<S: Lanes, const C: usize>(
     state: &mut State<C>,
     peaks: &mut [Chunk],
 ) -> bool {
-    let (width, gram) = (task.dictionary.width(), task.dictionary.gram());
     while state.n < most {
         let largest = search_all(lanes, task, correlations, state.support(), state.values(), peaks);
         if largest <= stop {
@@ -83,7 +82,7 @@ fn pursue<S: Lanes, const C: usize>(
         state.candidates[0] = chunk as u32;
         let mut c = lanes.load(&correlations[chunk]);
         for member in 0..state.n {
-            let part = gram[state.support()[member] as usize * width + chunk];
+            let part = task.dictionary.gram_chunks(state.support()[member] as usize)[chunk];
             c = lanes.fnma(lanes.splat(state.values()[member]), lanes.load(&part), c);
             state.candidate_rows.as_flattened_mut()[member][0] = part;
         }

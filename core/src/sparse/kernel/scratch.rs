@@ -1,10 +1,9 @@
 //! Scratch of one thread for the f32 kernels: correlations, the signals being solved, their results.
 
 use super::active_set_mixed::MixedScratch;
-use super::candidate_search::MAX_CHUNKS_SEARCHED_WHOLE;
-use super::product::GROUP;
+use super::product::{GROUP, MAX_CHUNKS_SEARCHED_WHOLE};
 use super::simd::Chunk;
-use super::state::{Entering, State};
+use super::state::{Entering, LARGE_STATE_CHUNKS, State};
 use crate::sparse::prepared::Prepared;
 use crate::sparse::problem::{Ended, Finished};
 
@@ -17,11 +16,6 @@ const BATCH: usize = 3;
 ///
 /// Source: measured.
 const BATCH_WITH_CANDIDATES: usize = 2;
-/// Chunks of the large state: supports of up to 128 atoms; larger ones are solved in f64.
-///
-/// Source: chosen.
-pub(crate) const LARGE_STATE_CHUNKS: usize = 8;
-
 /// Scratch of one thread.
 pub(crate) struct Scratch {
     pub correlations: Vec<Chunk>,

@@ -9,6 +9,11 @@ use crate::sparse::prepared::Prepared;
 /// Source: measured; eight chunks of the members' Gram rows fit the first cache.
 pub(crate) const CANDIDATE_CHUNKS: usize = 8;
 
+/// Chunks of the large state: supports of up to 128 atoms; larger ones are solved in f64.
+///
+/// Source: chosen.
+pub(crate) const LARGE_STATE_CHUNKS: usize = 8;
+
 /// One signal's problem, as the rounds need it.
 pub(crate) struct Task<'a> {
     pub dictionary: &'a Prepared,

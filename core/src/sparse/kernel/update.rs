@@ -59,7 +59,7 @@ pub(crate) fn add_atom<S: Lanes, const C: usize, const CANDIDATES: bool>(
         fit = lanes.fma(g, lanes.load(&state.phi[v]), fit);
         overlap = lanes.fma(g, u[v], overlap);
     }
-    let row = &gram[atom * width..][..width];
+    let row = if CANDIDATES { task.dictionary.gram_chunks(atom) } else { &gram[atom * width..][..width] };
     let own = flat(correlations)[atom];
     let (fit, overlap) = if n == 0 { (0.0, 0.0) } else { lanes.sum_both(fit, overlap) };
     let pull = own - fit;
