@@ -10,7 +10,7 @@ use ndarray::{Array2, ArrayView2};
 
 use super::error::Error;
 use super::kernel::gap;
-use super::kernel::product::{Correlate, CorrelateOne, GROUP, MAX_CHUNKS_SEARCHED_WHOLE, PANEL, Panels};
+use super::kernel::product::{Correlate, GROUP, MAX_CHUNKS_SEARCHED_WHOLE, PANEL, Panels};
 use super::kernel::simd::{Chunk, Kernel, Lanes, Simd, dispatch, flat, flat_mut};
 
 /// Most atoms accepted: more would need over a gibibyte of Gram matrix.
@@ -28,11 +28,11 @@ pub struct Prepared {
     rows: Vec<Chunk>,
     /// Atoms in the layout of the product.
     panels: Panels,
-    /// K rows of chunks over all atoms, zero beyond K; empty where `rows_on_demand` are used.
+    /// K rows of chunks over all atoms, zero beyond K; empty where `groups_on_demand` are used.
     gram: Vec<Chunk>,
-    /// The same rows, each computed when it is first needed, where there are more atoms than are searched whole: few
-    /// signals need few of them.
-    rows_on_demand: Vec<OnceLock<Box<[Chunk]>>>,
+    /// The same rows in groups of [`GROUP`], each computed when it is first needed, where there are more atoms than are
+    /// searched whole: few signals need few of them.
+    groups_on_demand: Vec<OnceLock<Vec<Chunk>>>,
     simd: Simd,
 }
 
@@ -78,26 +78,30 @@ impl Prepared {
     /// Row `k` of the Gram matrix, padded with zeros, in the internal order.
     #[inline(always)]
     pub(crate) fn gram_chunks(&self, k: usize) -> &[Chunk] {
-        match self.rows_on_demand.get(k) {
-            None => &self.gram[k * self.width()..][..self.width()],
-            Some(row) => row.get().map_or_else(|| self.fill_row(k, row), |row| row),
-        }
+        let Some(group) = self.groups_on_demand.get(k / GROUP) else {
+            return &self.gram[k * self.width()..][..self.width()];
+        };
+        let rows = group.get().map_or_else(|| self.fill_group(k / GROUP, group), |rows| rows);
+        &rows[k % GROUP * self.width()..][..self.width()]
     }
 
     #[cold]
     #[inline(never)]
-    fn fill_row<'a>(&self, k: usize, row: &'a OnceLock<Box<[Chunk]>>) -> &'a [Chunk] {
-        row.get_or_init(|| {
-            let mut out = vec![Chunk::ZERO; self.width()].into_boxed_slice();
-            self.correlate_atom(k, &mut out);
+    fn fill_group<'a>(&self, number: usize, group: &'a OnceLock<Vec<Chunk>>) -> &'a [Chunk] {
+        group.get_or_init(|| {
+            let atoms = number * GROUP..((number + 1) * GROUP).min(self.atom_count());
+            let mut out = vec![Chunk::ZERO; atoms.len() * self.width()];
+            let chunks = self.signal_len().div_ceil(16);
+            self.correlate_padded(&self.rows[atoms.start * chunks..atoms.end * chunks], &mut out);
             out
         })
     }
 
-    /// Inner products of atom `k` with all atoms into `out`, a row of chunks.
-    fn correlate_atom(&self, k: usize, out: &mut [Chunk]) {
-        let vector = self.atom(k);
-        dispatch(self.simd, CorrelateOne { panels: &self.panels, vector, out });
+    /// Inner products of `rows`, padded as atoms are, with all atoms into `out`, a row of chunks each.
+    fn correlate_padded(&self, rows: &[Chunk], out: &mut [Chunk]) {
+        // The rows of the atoms end in zeros: their stride is a whole number of chunks.
+        let stride = 16 * self.signal_len().div_ceil(16);
+        dispatch(self.simd, Correlate { panels: &self.panels, signals: flat(rows), stride, out });
     }
 
     #[inline(always)]
@@ -197,7 +201,7 @@ pub fn prepare(atoms: ArrayView2<'_, f32>) -> Result<Prepared, Error> {
     }
     let order = similarity_order(&as_given);
     let prepared = arrange(as_given.atoms, order);
-    Ok(Prepared { rows_on_demand: (0..k).map(|_| OnceLock::new()).collect(), ..prepared })
+    Ok(Prepared { groups_on_demand: (0..k.div_ceil(GROUP)).map(|_| OnceLock::new()).collect(), ..prepared })
 }
 
 /// Everything but the Gram matrix, for atoms in `order`.
@@ -216,46 +220,54 @@ fn arrange(atoms: Array2<f32>, order: Vec<u32>) -> Prepared {
         }
     }
     let panels = Panels { values, signal_len: m, width };
-    Prepared { atoms, order, rows, panels, gram: Vec::new(), rows_on_demand: Vec::new(), simd: Simd::best() }
+    Prepared { atoms, order, rows, panels, gram: Vec::new(), groups_on_demand: Vec::new(), simd: Simd::best() }
 }
 
 /// Rows of `width` chunks: inner products of all atoms with all atoms, in the internal order.
 fn gram(prepared: &Prepared) -> Vec<Chunk> {
-    let (k, m, width) = (prepared.atom_count(), prepared.signal_len(), prepared.width());
-    let mut gram = vec![Chunk::ZERO; k * width];
-    // The rows of the atoms end in zeros: their stride is a whole number of chunks.
-    let stride = 16 * m.div_ceil(16);
-    for (rows, atoms) in gram.chunks_mut(GROUP * width).zip(flat(&prepared.rows).chunks(GROUP * stride)) {
-        dispatch(prepared.simd, Correlate { panels: &prepared.panels, signals: atoms, stride, out: rows });
-    }
+    let mut gram = vec![Chunk::ZERO; prepared.atom_count() * prepared.width()];
+    prepared.correlate_padded(&prepared.rows, &mut gram);
     gram
 }
 
 /// An order that puts atoms that resemble each other (by |inner product|) into the same chunk: the first atom left, then the
-/// fifteen of those left that resemble it most; of equals the lowest number.
+/// fifteen of those left that resemble it most; of equals the lowest number. The products of the first six are computed
+/// together.
 fn similarity_order(prepared: &Prepared) -> Vec<u32> {
-    let k = prepared.atom_count();
+    let (k, width) = (prepared.atom_count(), prepared.width());
     let mut left: Vec<u32> = (0..k as u32).collect();
+    let mut is_left = vec![true; k];
     let mut order = Vec::with_capacity(k);
-    let mut row = vec![Chunk::ZERO; prepared.width()];
+    let mut rows = vec![Chunk::ZERO; GROUP * width];
+    let mut atoms = Vec::new();
     let mut ranked: Vec<u64> = Vec::with_capacity(k);
-    while let Some(&first) = left.first() {
-        prepared.correlate_atom(first as usize, &mut row);
-        let row = flat(&row);
-        // Sizes in front, as their bits ascend with them; numbers behind. The first atom stays the first.
-        ranked.clear();
-        ranked.extend(left.iter().skip(1).map(|&i| u64::from(!row[i as usize].abs().to_bits()) << 32 | u64::from(i)));
-        if ranked.len() > 15 {
-            ranked.select_nth_unstable(14);
-            ranked.truncate(15);
+    while !left.is_empty() {
+        let first: Vec<u32> = left.iter().copied().take(GROUP).collect();
+        atoms.clear();
+        first.iter().for_each(|&i| atoms.extend_from_slice(prepared.padded_atom(i as usize)));
+        prepared.correlate_padded(&atoms, &mut rows);
+        for (&first, row) in first.iter().zip(rows.chunks(width)) {
+            if !is_left[first as usize] {
+                continue;
+            }
+            is_left[first as usize] = false;
+            left.retain(|&i| is_left[i as usize]);
+            // Sizes in front, whose bits ascend with them, turned round; numbers behind.
+            let row = flat(row);
+            ranked.clear();
+            ranked.extend(left.iter().map(|&i| u64::from(!row[i as usize].abs().to_bits()) << 32 | u64::from(i)));
+            if ranked.len() > 15 {
+                ranked.select_nth_unstable(14);
+                ranked.truncate(15);
+            }
+            ranked.sort_unstable();
+            order.push(first);
+            for &r in &ranked {
+                is_left[r as u32 as usize] = false;
+                order.push(r as u32);
+            }
         }
-        ranked.sort_unstable();
-        order.push(first);
-        order.extend(ranked.iter().map(|&r| r as u32));
-        let taken = &order[order.len() - ranked.len() - 1..];
-        let mut is_taken = std::mem::take(&mut left);
-        is_taken.retain(|i| !taken.contains(i));
-        left = is_taken;
+        left.retain(|&i| is_left[i as usize]);
     }
     order
 }

@@ -98,22 +98,6 @@ fn correlate_panels<S: Lanes, const P: usize>(
     }
 }
 
-/// The product of one vector with all atoms; bit by bit that of [`Correlate`].
-pub(crate) struct CorrelateOne<'a> {
-    pub panels: &'a Panels,
-    pub vector: &'a [f32],
-    /// A row of `panels.width` chunks.
-    pub out: &'a mut [Chunk],
-}
-
-impl Kernel for CorrelateOne<'_> {
-    type Out = ();
-    #[inline(always)]
-    fn run<S: Lanes>(self, lanes: S) {
-        correlate_one(lanes, self.panels, self.vector, self.out);
-    }
-}
-
 /// Inner products of one vector (m values) with all atoms, a row of `panels.width` chunks.
 #[inline(always)]
 pub(crate) fn correlate_one<S: Lanes>(lanes: S, panels: &Panels, vector: &[f32], out: &mut [Chunk]) {
