@@ -6,7 +6,7 @@
 
 use std::sync::OnceLock;
 
-use ndarray::{Array2, ArrayView2};
+use ndarray::{Array2, ArrayView1, ArrayView2};
 
 use super::error::Error;
 use super::kernel::gap;
@@ -185,10 +185,10 @@ pub fn prepare(atoms: ArrayView2<'_, f32>) -> Result<Prepared, Error> {
         )));
     }
     for (row, atom) in atoms.rows().into_iter().enumerate() {
-        if atom.iter().any(|v| !v.is_finite()) {
+        let norm = norm_of(atom);
+        if !norm.is_finite() {
             return Err(Error::NotFinite { what: "the dictionary", row });
         }
-        let norm = atom.iter().map(|&v| f64::from(v) * f64::from(v)).sum::<f64>().sqrt();
         if (norm - 1.0).abs() > 1e-3 {
             return Err(Error::Parameter(format!("atom {row} has norm {norm:.6}, expected 1")));
         }
@@ -204,6 +204,27 @@ pub fn prepare(atoms: ArrayView2<'_, f32>) -> Result<Prepared, Error> {
     Ok(Prepared { groups_on_demand: (0..k.div_ceil(GROUP)).map(|_| OnceLock::new()).collect(), ..prepared })
 }
 
+/// The norm of an atom, by several sums at a time.
+fn norm_of(atom: ArrayView1<'_, f32>) -> f64 {
+    let mut sums = [0.0f64; 16];
+    let square = |v: f32| f64::from(v) * f64::from(v);
+    match atom.as_slice() {
+        Some(values) => {
+            let (whole, rest) = values.as_chunks::<16>();
+            for part in whole {
+                for (sum, &v) in sums.iter_mut().zip(part) {
+                    *sum += square(v);
+                }
+            }
+            for (sum, &v) in sums.iter_mut().zip(rest) {
+                *sum += square(v);
+            }
+        }
+        None => sums[0] = atom.iter().map(|&v| square(v)).sum(),
+    }
+    sums.iter().sum::<f64>().sqrt()
+}
+
 /// Everything but the Gram matrix, for atoms in `order`.
 fn arrange(atoms: Array2<f32>, order: Vec<u32>) -> Prepared {
     let (k, m) = atoms.dim();
@@ -211,12 +232,20 @@ fn arrange(atoms: Array2<f32>, order: Vec<u32>) -> Prepared {
     let width = k.div_ceil(16 * PANEL) * PANEL;
     let mut rows = vec![Chunk::ZERO; k * chunks];
     let mut values = vec![[Chunk::ZERO; PANEL]; width / PANEL * m];
-    for (row, &from) in order.iter().enumerate() {
-        let padded = flat_mut(&mut rows[row * chunks..(row + 1) * chunks]);
-        let (panel, lane) = (row / (16 * PANEL), row % (16 * PANEL));
-        for (i, &v) in atoms.row(from as usize).iter().enumerate() {
-            padded[i] = v;
-            values[panel * m + i][lane / 16].0[lane % 16] = v;
+    for (padded, &from) in rows.chunks_exact_mut(chunks).zip(&order) {
+        for (to, &v) in flat_mut(padded).iter_mut().zip(atoms.row(from as usize)) {
+            *to = v;
+        }
+    }
+    let padded = flat(&rows);
+    for (panel, values) in values.chunks_exact_mut(m).enumerate() {
+        let first = panel * 16 * PANEL;
+        for (part, rows) in padded[16 * chunks * first..].chunks(16 * 16 * chunks).take(PANEL).enumerate() {
+            for (lane, row) in rows.chunks_exact(16 * chunks).enumerate() {
+                for (value, &v) in values.iter_mut().zip(row) {
+                    value[part].0[lane] = v;
+                }
+            }
         }
     }
     let panels = Panels { values, signal_len: m, width };
@@ -275,6 +304,39 @@ fn similarity_order(prepared: &Prepared) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Whole, or in groups on demand, of which the last is incomplete; zero beyond the atoms.
+    #[test]
+    fn rows_of_the_gram_matrix_are_inner_products() {
+        for k in [40usize, 257, 301] {
+            let mut atoms = Array2::from_shape_fn((k, 9), |(i, j)| ((i * 37 + j * j * 11 + i * j) as f32).sin());
+            atoms.rows_mut().into_iter().for_each(|mut r| r /= r.dot(&r).sqrt());
+            let dictionary = prepare(atoms.view()).unwrap();
+            assert_eq!(dictionary.gram().is_empty(), k > 256);
+            let mut seen: Vec<u32> = (0..k as u32).map(|i| dictionary.outside(i)).collect();
+            for i in [0, 5, 6, 7, k - 1] {
+                for j in 0..k {
+                    let product: f32 = dictionary.atom(i).iter().zip(dictionary.atom(j)).map(|(a, b)| a * b).sum();
+                    assert!((dictionary.gram_row(i)[j] - product).abs() < 1e-5, "{k} atoms: {i}, {j}");
+                }
+                assert!(flat(dictionary.gram_chunks(i))[k..].iter().all(|v| *v == 0.0));
+            }
+            seen.sort_unstable();
+            assert!(seen.into_iter().eq(0..k as u32));
+        }
+    }
+
+    /// Four kinds of atoms, mixed: the first sixteen of a chunk are of one kind.
+    #[test]
+    fn atoms_that_resemble_each_other_share_a_chunk() {
+        let mut atoms = Array2::from_shape_fn((320, 4), |(i, j)| if i % 4 == j { 1.0 } else { 0.01 * (i % 7) as f32 });
+        atoms.rows_mut().into_iter().for_each(|mut r| r /= r.dot(&r).sqrt());
+        let dictionary = prepare(atoms.view()).unwrap();
+        for chunk in 0..20 {
+            let kinds: Vec<u32> = (0..16).map(|lane| dictionary.outside(16 * chunk + lane) % 4).collect();
+            assert!(kinds.iter().all(|k| *k == kinds[0]), "{kinds:?}");
+        }
+    }
 
     #[test]
     fn solving_runs_on_the_instructions_that_are_asked_for() {

@@ -21,6 +21,11 @@ use crate::sparse::problem::{Ended, Finished};
 /// Source: chosen; one is enough unless the inverse has lost its accuracy.
 const MOST_CORRECTIONS: u32 = 4;
 
+/// The correction in a row for which the inverse is made anew in f64.
+///
+/// Source: chosen.
+const SURE_CORRECTION: u32 = 2;
+
 /// λ is divided by this on the way from where f32 stopped to the λ of the problem.
 ///
 /// Source: chosen.
@@ -163,6 +168,11 @@ impl Kernel for SolveMixed<'_> {
                 }
                 None if quiet < MOST_CORRECTIONS => {
                     quiet += 1;
+                    if quiet == SURE_CORRECTION {
+                        scratch.support.make_exact(lanes, problem.dictionary);
+                        scratch.find_residual(lanes, &problem);
+                        scratch.record_errors(lanes, &problem, problem.lambda);
+                    }
                     let moved = scratch.support.correct_values(lanes, keep_signs);
                     scratch.find_residual(lanes, &problem);
                     moved
@@ -182,7 +192,7 @@ impl MixedScratch {
     /// Takes over where f32 stopped: members whose value has a sign, as far as they are independent.
     #[inline(always)]
     fn start<S: Lanes>(&mut self, lanes: S, problem: &MixedProblem<'_>) {
-        self.support.clear();
+        self.support.clear_for(problem.start.len(), problem.dictionary.signal_len());
         self.residual.resize(problem.signal.len(), [0.0; 16]);
         self.scaled.resize(problem.signal.len(), Chunk::ZERO);
         self.correlations.resize(problem.dictionary.width(), Chunk::ZERO);

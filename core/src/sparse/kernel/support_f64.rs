@@ -16,6 +16,12 @@ use crate::sparse::prepared::Prepared;
 /// Source: chosen; f64 resolves 1e-16, and the copies of an atom that f32 files hold differ by 1e-14.
 const LEAST_INDEPENDENT_SHARE: f64 = 1e-10;
 
+/// The share of an atom's square that the support must leave, of every atom, for inner products to be taken from the Gram
+/// matrix in f32. Where less is left the inverse is made anew in f64: rounding is magnified by the inverse of each share.
+///
+/// Source: chosen; the values are corrected by their residual, so that it costs digits of a step and none of the result.
+const ROUGH_SHARE: f64 = 2e-3;
+
 /// The support of one signal.
 #[derive(Default)]
 pub(crate) struct Support {
@@ -40,6 +46,17 @@ pub(crate) struct Support {
     column: Vec<[f64; 16]>,
     /// What the support leaves of it.
     rest: Vec<[f64; 16]>,
+    accuracy: Accuracy,
+}
+
+/// What the inverse is made of.
+#[derive(Clone, Copy, PartialEq, Eq, Default)]
+enum Accuracy {
+    /// Nothing, or inner products in f32, of atoms of which much is left.
+    #[default]
+    Rough,
+    /// Inner products in f64.
+    Exact,
 }
 
 /// How an atom was added.
@@ -67,6 +84,15 @@ impl Support {
         self.values.as_flattened()[..self.places].iter().map(|v| v.abs()).sum()
     }
 
+    /// As [`Self::clear`], for about `members` members of `values` values each: a support that nearly spans all signals
+    /// leaves little of its last atoms, and its inverse is made in f64 from the beginning.
+    pub fn clear_for(&mut self, members: usize, values: usize) {
+        self.clear();
+        if 4 * members > 3 * values {
+            self.accuracy = Accuracy::Exact;
+        }
+    }
+
     /// Forgets all members.
     pub fn clear(&mut self) {
         self.inverse.clear();
@@ -76,6 +102,7 @@ impl Support {
         }
         self.direction.clear();
         (self.places, self.stride) = (0, 0);
+        self.accuracy = Accuracy::Rough;
     }
 
     /// Room for `places` places.
@@ -160,8 +187,28 @@ impl Support {
     /// Takes over a member with its value, without moving the others. False, and nothing done, where it depends on them.
     #[inline(always)]
     pub fn take<S: Lanes>(&mut self, lanes: S, dictionary: &Prepared, atom: u32, value: f64) -> bool {
+        if self.accuracy == Accuracy::Rough {
+            let row = dictionary.gram_row(atom as usize);
+            let own = f64::from(row[atom as usize]);
+            for place in 0..self.places {
+                let member = self.atoms[place];
+                let overlap = if member == NO_ATOM { 0.0 } else { f64::from(row[member as usize]) };
+                self.overlap.as_flattened_mut()[place] = overlap;
+            }
+            let left = own - self.direction_of_overlap(lanes);
+            if left > ROUGH_SHARE * own {
+                self.insert(lanes, atom, value, value.signum(), left);
+                return true;
+            }
+            self.make_exact(lanes, dictionary);
+        }
         let own = self.load_column(lanes, dictionary, atom);
-        let left = self.find_direction(lanes, dictionary);
+        self.find_overlaps(lanes, dictionary);
+        let mut left = own - self.direction_of_overlap(lanes);
+        if left.is_nan() || left <= ROUGH_SHARE * own {
+            // Too few digits are left of a difference.
+            left = self.find_rest(lanes, dictionary);
+        }
         if left.is_nan() || left <= LEAST_INDEPENDENT_SHARE * own {
             return false;
         }
@@ -178,6 +225,11 @@ impl Support {
         let own = self.load_column(lanes, dictionary, atom);
         let mut start = 0.0;
         let mut left = self.find_direction(lanes, dictionary);
+        if self.accuracy == Accuracy::Rough && !(left > ROUGH_SHARE * own) {
+            self.make_exact(lanes, dictionary);
+            self.load_column(lanes, dictionary, atom);
+            left = self.find_direction(lanes, dictionary);
+        }
         let mut exchanged = false;
         for _ in 0..4 {
             if left > LEAST_INDEPENDENT_SHARE * own {
@@ -229,6 +281,14 @@ impl Support {
     /// leaves of the atom into `rest`; returns the square of that.
     #[inline(always)]
     fn find_direction<S: Lanes>(&mut self, lanes: S, dictionary: &Prepared) -> f64 {
+        self.find_overlaps(lanes, dictionary);
+        multiply(lanes, &self.inverse, self.stride, self.places, &self.overlap, &mut self.direction);
+        self.find_rest(lanes, dictionary)
+    }
+
+    /// Inner products of the entering atom with the members.
+    #[inline(always)]
+    fn find_overlaps<S: Lanes>(&mut self, lanes: S, dictionary: &Prepared) {
         for place in 0..self.places {
             let atom = self.atoms[place];
             self.overlap.as_flattened_mut()[place] = if atom == NO_ATOM {
@@ -237,7 +297,11 @@ impl Support {
                 gap::inner_product(lanes, dictionary.padded_atom(atom as usize), &self.column)
             };
         }
-        multiply(lanes, &self.inverse, self.stride, self.places, &self.overlap, &mut self.direction);
+    }
+
+    /// What the support leaves of the entering atom, given the direction; returns its square.
+    #[inline(always)]
+    fn find_rest<S: Lanes>(&mut self, lanes: S, dictionary: &Prepared) -> f64 {
         let mut rest = std::mem::take(&mut self.rest);
         rest.resize(self.column.len(), [0.0; 16]);
         subtract_atoms(
@@ -254,6 +318,41 @@ impl Support {
         }
         self.rest = rest;
         lanes.wide_sum(square)
+    }
+
+    /// Makes the inverse anew, of inner products in f64; members that depend on others leave.
+    #[inline(always)]
+    pub fn make_exact<S: Lanes>(&mut self, lanes: S, dictionary: &Prepared) {
+        if self.accuracy == Accuracy::Exact {
+            return;
+        }
+        let members: Vec<(u32, f64, f64)> =
+            self.members().zip(self.member_signs()).map(|((atom, value), sign)| (atom, value, sign)).collect();
+        self.clear();
+        self.accuracy = Accuracy::Exact;
+        for (atom, value, sign) in members {
+            let own = self.load_column(lanes, dictionary, atom);
+            let left = self.find_direction(lanes, dictionary);
+            if left > LEAST_INDEPENDENT_SHARE * own {
+                self.insert(lanes, atom, value, sign, left);
+            }
+        }
+    }
+
+    fn member_signs(&self) -> impl Iterator<Item = f64> + '_ {
+        let signs = self.atoms.iter().zip(self.signs.as_flattened());
+        signs.filter(|(atom, _)| **atom != NO_ATOM).map(|(_, sign)| *sign)
+    }
+
+    /// Puts G_SS⁻¹g into `direction` for the overlaps g; returns their inner product with it.
+    #[inline(always)]
+    fn direction_of_overlap<S: Lanes>(&mut self, lanes: S) -> f64 {
+        multiply(lanes, &self.inverse, self.stride, self.places, &self.overlap, &mut self.direction);
+        let mut sum = lanes.wide_splat(0.0);
+        for v in 0..self.chunks() {
+            sum = lanes.wide_fma(lanes.wide_load(&self.overlap[v]), lanes.wide_load(&self.direction[v]), sum);
+        }
+        lanes.wide_sum(sum)
     }
 
     /// Moves the values along the null direction of a dependent atom until the first member is zero, which leaves.
