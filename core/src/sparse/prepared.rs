@@ -15,6 +15,11 @@ use super::kernel::simd::{Chunk, Kernel, Lanes, Simd, dispatch, flat, flat_mut};
 
 /// Most atoms accepted: more would need over a gibibyte of Gram matrix.
 const MOST_ATOMS: usize = 16_384;
+/// Most atoms whose Gram matrix is computed beforehand.
+///
+/// Source: chosen; one of 512 costs as much as some hundred signals, and its rows are then found without a look whether
+/// they are there.
+const MOST_WITH_WHOLE_GRAM: usize = 512;
 /// Longest signal accepted.
 const LONGEST_SIGNAL: usize = 1 << 14;
 
@@ -30,8 +35,8 @@ pub struct Prepared {
     panels: Panels,
     /// K rows of chunks over all atoms, zero beyond K; empty where `groups_on_demand` are used.
     gram: Vec<Chunk>,
-    /// The same rows in groups of [`GROUP`], each computed when it is first needed, where there are more atoms than are
-    /// searched whole: few signals need few of them.
+    /// The same rows in groups of [`GROUP`], each computed when it is first needed, where there are more atoms than
+    /// [`MOST_WITH_WHOLE_GRAM`]: few signals need few of them.
     groups_on_demand: Vec<OnceLock<Vec<Chunk>>>,
     simd: Simd,
 }
@@ -69,7 +74,7 @@ impl Prepared {
         self.panels.width
     }
 
-    /// The whole Gram matrix, of dictionaries of at most [`MAX_CHUNKS_SEARCHED_WHOLE`] chunks; empty for larger ones.
+    /// The whole Gram matrix, of dictionaries of at most [`MOST_WITH_WHOLE_GRAM`] atoms; empty for larger ones.
     #[inline(always)]
     pub(crate) fn gram(&self) -> &[Chunk] {
         &self.gram
@@ -158,7 +163,7 @@ impl Kernel for CorrelateF64<'_> {
     }
 }
 
-/// Prepares atoms (K×m, one unit-norm atom per row; norms within 1e-3 of 1) for solving. Up to 256 atoms it
+/// Prepares atoms (K×m, one unit-norm atom per row; norms within 1e-3 of 1) for solving. Up to 512 atoms it
 /// costs their K×K Gram matrix; of more, K²m/16 products, and solving computes the rows of the Gram matrix that it needs.
 ///
 /// # Errors
@@ -201,6 +206,9 @@ pub fn prepare(atoms: ArrayView2<'_, f32>) -> Result<Prepared, Error> {
     }
     let order = similarity_order(&as_given);
     let prepared = arrange(as_given.atoms, order);
+    if k <= MOST_WITH_WHOLE_GRAM {
+        return Ok(Prepared { gram: gram(&prepared), ..prepared });
+    }
     Ok(Prepared { groups_on_demand: (0..k.div_ceil(GROUP)).map(|_| OnceLock::new()).collect(), ..prepared })
 }
 
@@ -308,11 +316,11 @@ mod tests {
     /// Whole, or in groups on demand, of which the last is incomplete; zero beyond the atoms.
     #[test]
     fn rows_of_the_gram_matrix_are_inner_products() {
-        for k in [40usize, 257, 301] {
+        for k in [40usize, 257, 517] {
             let mut atoms = Array2::from_shape_fn((k, 9), |(i, j)| ((i * 37 + j * j * 11 + i * j) as f32).sin());
             atoms.rows_mut().into_iter().for_each(|mut r| r /= r.dot(&r).sqrt());
             let dictionary = prepare(atoms.view()).unwrap();
-            assert_eq!(dictionary.gram().is_empty(), k > 256);
+            assert_eq!(dictionary.gram().is_empty(), k > MOST_WITH_WHOLE_GRAM);
             let mut seen: Vec<u32> = (0..k as u32).map(|i| dictionary.outside(i)).collect();
             for i in [0, 5, 6, 7, k - 1] {
                 for j in 0..k {

@@ -224,11 +224,19 @@ pub(crate) fn search_all<S: Lanes>(
     values: &[f32],
     peaks: &mut [Chunk],
 ) -> f32 {
-    let mut from = 0;
-    let mut rows: [&[Chunk]; 16 * LARGE_STATE_CHUNKS] = [&[]; 16 * LARGE_STATE_CHUNKS];
+    // Those of a small support in fewer places, which are written each time.
+    let (mut few, mut many): ([&[Chunk]; 16], [&[Chunk]; 16 * LARGE_STATE_CHUNKS]);
+    let rows: &mut [&[Chunk]] = if support.len() <= 16 {
+        few = [&[]; 16];
+        &mut few
+    } else {
+        many = [&[]; 16 * LARGE_STATE_CHUNKS];
+        &mut many
+    };
     for (row, &k) in rows.iter_mut().zip(support) {
         *row = task.dictionary.gram_chunks(k as usize);
     }
+    let mut from = 0;
     let rows = &rows[..support.len()];
     if S::WIDE {
         while from + 8 <= correlations.len() {
