@@ -86,13 +86,13 @@ impl Prepared {
         let Some(group) = self.groups_on_demand.get(k / GROUP) else {
             return &self.gram[k * self.width()..][..self.width()];
         };
-        let rows = group.get().map_or_else(|| self.fill_group(k / GROUP, group), |rows| rows);
+        let rows = group.get().unwrap_or_else(|| self.fill_group(k / GROUP, group));
         &rows[k % GROUP * self.width()..][..self.width()]
     }
 
     #[cold]
     #[inline(never)]
-    fn fill_group<'a>(&self, number: usize, group: &'a OnceLock<Vec<Chunk>>) -> &'a [Chunk] {
+    fn fill_group<'a>(&self, number: usize, group: &'a OnceLock<Vec<Chunk>>) -> &'a Vec<Chunk> {
         group.get_or_init(|| {
             let atoms = number * GROUP..((number + 1) * GROUP).min(self.atom_count());
             let mut out = vec![Chunk::ZERO; atoms.len() * self.width()];
