@@ -160,8 +160,8 @@ fn parameters(args: &Args) -> anyhow::Result<Parameters> {
     }
     p.degradation.base = args.base.map(Interpolation::from).or(p.degradation.base);
     if p.degradation.base == Some(Interpolation::Multiview) {
-        if args.footprint.is_empty() && args.parameters.is_none() {
-            // For views by least squares: a sample is the scene at a point, as lenslets gather it.
+        if args.footprint.is_empty() && p.degradation.footprints.len() != 1 {
+            // Nobody said which: views by least squares, where a sample is the scene at a point, as lenslets gather it.
             p.degradation.footprints = vec![Footprint::Point];
         }
         if args.noise.is_some() || args.shrink.is_some() {
