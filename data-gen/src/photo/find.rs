@@ -10,7 +10,11 @@ use super::error::Error;
 /// Source: chosen.
 const MOST_DEPTH: usize = 16;
 
-/// Files as given, and the photos inside folders as given (sorted by name, subfolders too).
+/// How the picture of a dictionary's atoms ends, which training writes beside it: no photo, though it may lie among them.
+const ATOMS: &str = ".lfd.atoms.png";
+
+/// Files as given, and the photos inside folders as given (sorted by name, subfolders too), pictures of a dictionary's atoms
+/// left out.
 ///
 /// # Errors
 /// [`Error::Read`] for a path that does not exist, or a folder that cannot be listed.
@@ -39,7 +43,8 @@ fn collect_photos(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) -> std:
             }
         } else {
             let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-            if extension.is_some_and(|e| is_photo_ending(&e)) && path.is_file() {
+            let of_atoms = entry.file_name().to_string_lossy().ends_with(ATOMS);
+            if extension.is_some_and(|e| is_photo_ending(&e)) && !of_atoms && path.is_file() {
                 found.push(path);
             }
         }
@@ -51,4 +56,23 @@ fn collect_photos(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) -> std:
 /// is left out of a folder is said.
 fn is_photo_ending(ending: &str) -> bool {
     ENDINGS.contains(&ending) || UNREAD_ENDINGS.iter().any(|(unread, _)| *unread == ending)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_training_wrote_beside_its_photos_is_not_trained_on() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["b.png", "a.jpg", "own.lfd.atoms.png", "atoms.png", "own.lfd"] {
+            std::fs::write(folder.path().join(name), b"").unwrap();
+        }
+        let found = find_photos(&[folder.path().to_path_buf()]).unwrap();
+        let names: Vec<_> = found.iter().map(|p| p.file_name().unwrap().to_str().unwrap()).collect();
+        assert_eq!(names, ["a.jpg", "atoms.png", "b.png"]);
+        // Named by itself it is taken as given.
+        let atoms = folder.path().join("own.lfd.atoms.png");
+        assert_eq!(find_photos(std::slice::from_ref(&atoms)).unwrap(), [atoms]);
+    }
 }
