@@ -156,6 +156,7 @@ fn contradictions(
 
 #[test]
 fn the_order_of_the_methods_is_that_of_the_truth() {
+    let mut told_by_edges = (0, Vec::new());
     for (name, light, footprint, noise, jpeg) in CAPTURES {
         let simulated = simulate(SENSORS[0], light, footprint, noise, jpeg);
         let samples = simulated.decoded(&simulated.calibration(CalibrationVariant::Full));
@@ -224,9 +225,11 @@ fn the_order_of_the_methods_is_that_of_the_truth() {
         println!("  lines: {} pairs told, wrong {:?}", by_lines.0, by_lines.1);
         // Of the fifteen pairs. Roughness calls blurred pictures smooth; the lines of this scene are not straight.
         assert!(by_rays.0 >= 7 && by_rays.1.is_empty(), "{name}: {by_rays:?}");
-        let wrong = by_edges.1.iter().filter(|w| !w.starts_with("bicubic")).count();
-        assert!(by_edges.0 >= 3 && wrong <= 1, "{name}: {by_edges:?}");
+        told_by_edges.0 += by_edges.0;
+        told_by_edges.1.extend(by_edges.1.into_iter().filter(|w| !w.starts_with("bicubic")));
     }
+    // A capture has half a dozen edges, which tell little alone.
+    assert!(told_by_edges.0 >= 12 && told_by_edges.1.len() <= 1, "{told_by_edges:?}");
 }
 
 #[test]
