@@ -224,7 +224,7 @@ fn the_order_of_the_methods_is_that_of_the_truth() {
         println!("  edges: {} pairs told, wrong {:?}", by_edges.0, by_edges.1);
         println!("  lines: {} pairs told, wrong {:?}", by_lines.0, by_lines.1);
         // Of the fifteen pairs. Roughness calls blurred pictures smooth; the lines of this scene are not straight.
-        assert!(by_rays.0 >= 7 && by_rays.1.is_empty(), "{name}: {by_rays:?}");
+        assert!(by_rays.0 >= 6 && by_rays.1.is_empty(), "{name}: {by_rays:?}");
         told_by_edges.0 += by_edges.0;
         told_by_edges.1.extend(by_edges.1.into_iter().filter(|w| !w.starts_with("bicubic")));
     }
