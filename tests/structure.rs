@@ -43,6 +43,7 @@ const CRATES: [(&str, &str, &[&str]); 6] = [
         "lenslet_views",
         "views/src",
         &[
+            "buckets",
             "disparity",
             "error",
             "target",

@@ -6,6 +6,7 @@
 //! caller's rayon pool.
 
 pub mod assess;
+mod buckets;
 pub mod disparity;
 mod error;
 pub mod interpolate;

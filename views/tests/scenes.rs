@@ -232,21 +232,6 @@ enum Camera {
     Discs,
     /// Pixels, each the mean over 2×2 of the result.
     Pixels,
-    /// Pixels, each the picture between those 2×2.
-    Between,
-}
-
-/// The picture between four pixels, encoded, by cubic interpolation.
-fn between(views: &Array5<f32>, v: usize, u: usize, t: usize, s: usize) -> f32 {
-    let weights = [-0.0625, 0.5625, 0.5625, -0.0625];
-    let mut sum = 0.0;
-    for (j, b) in weights.iter().enumerate() {
-        for (i, a) in weights.iter().enumerate() {
-            let at = |k: usize, d: usize| (k + d).saturating_sub(1).min(SIDE - 1);
-            sum += a * b * srgb_encode(views[[v, u, at(t, j), at(s, i), 0]]);
-        }
-    }
-    sum
 }
 
 enum Samples {
@@ -268,14 +253,13 @@ impl Samples {
                 samples.values.mapv_inplace(|x| srgb_decode(noisy(srgb_encode(x)).max(0.0)));
                 Samples::Hexagonal(samples)
             }
-            Camera::Pixels | Camera::Between => {
+            Camera::Pixels => {
                 let low = SIDE / 2;
                 let mut meta = Meta::new([VIEWS, VIEWS], [low, low], 1, ColourSpace::Srgb);
                 meta.method = None;
                 let data = Array5::from_shape_fn((VIEWS, VIEWS, low, low, 1), |(v, u, t, s, _)| {
                     let at = |dt: usize, ds: usize| srgb_encode(views[[v, u, 2 * t + dt, 2 * s + ds, 0]]);
-                    let mean = (at(0, 0) + at(0, 1) + at(1, 0) + at(1, 1)) / 4.0;
-                    noisy(if camera == Camera::Pixels { mean } else { between(views, v, u, 2 * t, 2 * s) })
+                    noisy((at(0, 0) + at(0, 1) + at(1, 0) + at(1, 1)) / 4.0)
                 });
                 Samples::Rectangular(LightField { meta, data })
             }
@@ -400,7 +384,7 @@ const BELOW: [(&str, Camera, f64); 8] = [
 fn refinement_does_not_fall_below_a_view_alone() {
     let wanted = std::env::var("SCENES").ok();
     let mut low = Vec::new();
-    for camera in [Camera::Discs, Camera::Pixels, Camera::Between] {
+    for camera in [Camera::Discs, Camera::Pixels] {
         for sigma in [0.0, 0.005, 0.015] {
             for (name, world, fault) in SCENES {
                 let run = match &wanted {
@@ -408,7 +392,6 @@ fn refinement_does_not_fall_below_a_view_alone() {
                     None => match camera {
                         Camera::Discs => sigma == 0.0 || sigma == 0.015,
                         Camera::Pixels => sigma == 0.005,
-                        _ => false,
                     },
                 };
                 if !run {

@@ -87,7 +87,7 @@ impl<'a> MiddleViews<'a> {
             let whole = finish(views.render_view(middle, middle)?.into_pixels())?;
             return Ok(MiddleView { whole, withheld: None });
         }
-        let fit = method.fit.or(learned.as_ref().map(LearnedViews::fit)).unwrap_or_default();
+        let fit = LearnedViews::fit_of(method, learned.as_ref());
         let whole = self.refined(false, fit, &size, observer)?;
         let withheld = self.refined(true, fit, &size, observer)?;
         Ok(MiddleView { whole: finish(whole)?, withheld: Some(finish(withheld)?) })

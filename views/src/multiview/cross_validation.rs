@@ -111,38 +111,28 @@ const GROUPS: usize = 12;
 /// Variance of the noise over light. Most of a picture is flat: among cells of like light, a low quantile of the fit's
 /// residual is noise.
 fn noise_variance(light: &[f32], after: &[f32], most: f32) -> NoiseCurve {
-    let both = light.iter().zip(after).map(|(&l, &a)| (l, a));
-    let mut cells: Vec<(f32, f32)> = both.filter(|(l, a)| l.is_finite() && a.is_finite()).collect();
-    if cells.is_empty() {
-        return NoiseCurve::constant(NOISE[1]);
-    }
-    cells.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    let size = cells.len().div_ceil(GROUPS).max(1);
-    let knots = cells.chunks_mut(size).map(|group| {
-        let middle = group[group.len() / 2].0;
-        group.sort_unstable_by(|a, b| a.1.total_cmp(&b.1));
-        (middle, group[group.len() / 4].1.clamp(NOISE[0], most))
-    });
-    NoiseCurve::new(knots.collect())
+    let cells = light.iter().zip(after).map(|(&l, &a)| (l, a)).collect();
+    lower_quantiles(cells, 4, [NOISE[0], most], NOISE[1])
 }
 
-/// Share of the cells of like light whose mean square is noise alone.
-///
-/// Source: chosen; a larger one takes for noise what glass makes of a picture.
-const QUIETEST: usize = 10;
-
-/// Mean squares over light that a tenth of the pairs (light, mean square) of like light do not reach; at least `least`.
-pub(super) fn lower_envelope(mut cells: Vec<(f32, f32)>, least: f32) -> NoiseCurve {
+/// Mean squares over light that one in `one_in` of the pairs (light, mean square) of like light do not reach, held within
+/// `bounds`; `unknown` where there are no numbers.
+pub(super) fn lower_quantiles(
+    mut cells: Vec<(f32, f32)>,
+    one_in: usize,
+    [least, most]: [f32; 2],
+    unknown: f32,
+) -> NoiseCurve {
     cells.retain(|(light, square)| light.is_finite() && square.is_finite());
     if cells.is_empty() {
-        return NoiseCurve::constant(least);
+        return NoiseCurve::constant(unknown);
     }
     cells.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
     let size = cells.len().div_ceil(GROUPS).max(1);
     let knots = cells.chunks_mut(size).map(|group| {
         let middle = group[group.len() / 2].0;
         group.sort_unstable_by(|a, b| a.1.total_cmp(&b.1));
-        (middle, group[group.len() / QUIETEST].1.max(least))
+        (middle, group[group.len() / one_in].1.clamp(least, most))
     });
     NoiseCurve::new(knots.collect())
 }
@@ -155,8 +145,12 @@ fn weight_of(before: f32, after: f32, noise: f32) -> f32 {
     }
     let excess = (after - 2.0 * noise).max(0.0);
     let share = excess / ((before - noise).max(0.0) + noise);
-    let [full, none] = UNEXPLAINED;
-    let f = ((none - share) / (none - full)).clamp(0.0, 1.0);
+    falling(share, UNEXPLAINED)
+}
+
+/// A weight that falls smoothly from 1 at `full` to 0 at `none`.
+pub(super) fn falling(x: f32, [full, none]: [f32; 2]) -> f32 {
+    let f = ((none - x) / (none - full)).clamp(0.0, 1.0);
     f * f * (3.0 - 2.0 * f)
 }
 

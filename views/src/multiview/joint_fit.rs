@@ -9,7 +9,6 @@ use lenslet_core::image::{Cell, bilinear_by_differences};
 use lenslet_core::progress::Observer;
 use ndarray::Array3;
 
-use super::extended::extended;
 use super::joint_disparity::Corrections;
 use super::local_light::{Light, equalise};
 use super::rays::{LEAST_WEIGHT, OWN, carry_samples};
@@ -259,28 +258,25 @@ impl JointFit {
         let mut placed = self.place(set, disparities, at, grid);
         let own = own_samples(set, target);
         let mut values = self.values_as_in(set, target);
-        let mut planes = start;
         // The first picture is that of the other views alone, which is to foretell the view's own samples.
         placed.set_own(&own, 0.0);
-        let mut trust = None;
-        for _ in 0..LIGHT_ROUNDS {
+        let problem = self.problem(set, &placed, &values, contrast, at, grid);
+        let mut solution = solve(&problem, start, &one_solution(self.steps[1]));
+        let trust = Trust::new(&problem, &solution.smooth, &self.neighbours, set.pitch);
+        placed.weigh_others(&own, &trust);
+        placed.set_own(&own, OWN);
+        solution.planes = trust.mixed(alone.clone(), &solution.planes);
+        for round in 0..LIGHT_ROUNDS {
             let problem = self.problem(set, &placed, &values, contrast, at, grid);
-            let steps = self.steps[usize::from(trust.is_none())];
-            let mut solution = solve(&problem, planes, &one_solution(steps));
-            if trust.is_none() {
-                let trust = trust.insert(Trust::new(&problem, &solution.smooth, &self.neighbours, set.pitch));
-                placed.weigh_others(&own, trust);
-                placed.set_own(&own, OWN);
-                solution.planes = trust.mixed(alone.clone(), &solution.planes);
+            if round > 0 {
+                solution = solve(&problem, solution.planes, &one_solution(self.steps[0]));
             }
-            let problem = self.problem(set, &placed, &values, contrast, at, grid);
             let mut equal = values.clone().into_owned();
             equalise(&mut equal, &problem, &solution, &placed.parts, target, set.pitch);
-            planes = solution.planes;
             values = Cow::Owned(equal);
         }
         let problem = self.problem(set, &placed, &values, contrast, at, grid);
-        planes = solve(&problem, planes, &one_solution(self.steps[1])).planes;
+        let planes = solve(&problem, solution.planes, &one_solution(self.steps[1])).planes;
         (planes, values)
     }
 
@@ -456,6 +452,17 @@ impl JointFit {
 /// Weights taken once, `steps` of conjugate gradients.
 fn one_solution(steps: usize) -> SolveOptions {
     SolveOptions { reweightings: 0, steps, ..SolveOptions::default() }
+}
+
+/// A picture (t, s, c) as one plane a channel on the grid, its border repeated in the margins.
+fn extended(picture: &Array3<f32>, grid: &Grid) -> Planes {
+    let (h, w, c) = picture.dim();
+    let inner = |k: usize, side: usize| k.saturating_sub(grid.margin).min(side - 1);
+    let plane = |l: usize| {
+        let pixel = |k: usize| picture[[inner(k / grid.width, h), inner(k % grid.width, w), l]];
+        (0..grid.pixels()).map(pixel).collect()
+    };
+    (0..c).map(plane).collect()
 }
 
 /// The samples of the view `target`.

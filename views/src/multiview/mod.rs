@@ -4,7 +4,6 @@
 
 mod cross_validation;
 mod estimate;
-mod extended;
 mod holdout;
 mod joint_disparity;
 mod joint_fit;

@@ -8,8 +8,9 @@
 
 use lenslet_core::geometry::Size;
 
-use super::cross_validation::lower_envelope;
+use super::cross_validation::{falling, lower_quantiles};
 use super::local_light::Light;
+use crate::buckets::Buckets;
 use crate::inverse::{LEAST_RESIDUAL, Problem, Row};
 
 /// Root mean square that the other views leave of a view's own samples beyond noise, as a share of what the samples around
@@ -17,6 +18,11 @@ use crate::inverse::{LEAST_RESIDUAL, Problem, Row};
 ///
 /// Source: measured, views/tests/scenes.rs: the view alone is as good at 0.45.
 const LEFT: [f32; 2] = [0.35, 0.6];
+
+/// Of the places of like light one in this many has noise alone.
+///
+/// Source: chosen; more would take for noise what glass makes of a picture.
+const QUIETEST: usize = 10;
 
 /// Mean squares this many times those of the quietest places of like light are noise.
 ///
@@ -49,23 +55,22 @@ pub(super) struct Neighbours {
 impl Neighbours {
     /// Of samples about `pitch` pixels apart.
     pub(super) fn of(points: &[[f32; 2]], pitch: f32) -> Self {
-        let buckets = Buckets::new(points, pitch);
+        let buckets = Buckets::new(points, pitch.max(1e-3));
+        let near = |place: [f32; 2], reach: f32| {
+            let within = move |p: [f32; 2]| (p[0] - place[0]).powi(2) + (p[1] - place[1]).powi(2) < reach * reach;
+            buckets.around(place, reach).filter(move |&i| within(points[i as usize]))
+        };
         let mut out = Neighbours { starts: vec![0], pairs: Vec::new() };
         for (i, p) in points.iter().enumerate() {
             let first = out.pairs.len();
             let (mut beside, mut balance) = (0, [0f32; 2]);
-            buckets.near(*p, 1.3 * pitch, |j| {
-                if j as usize == i {
-                    return;
-                }
+            for j in near(*p, 1.3 * pitch).filter(|&j| j as usize != i) {
                 let q = points[j as usize];
                 let twice = [2.0 * q[0] - p[0], 2.0 * q[1] - p[1]];
                 beside += 1;
                 balance = [balance[0] + q[0] - p[0], balance[1] + q[1] - p[1]];
-                let mut beyond = None;
-                buckets.near(twice, 0.4 * pitch, |k| beyond = Some(k));
-                out.pairs.extend(beyond.map(|k| [j, k]));
-            });
+                out.pairs.extend(near(twice, 0.4 * pitch).last().map(|k| [j, k]));
+            }
             // At the border and beside gaps nothing is told.
             if out.pairs.len() - first < beside || beside < 4 || balance[0].hypot(balance[1]) > 0.5 * pitch {
                 out.pairs.truncate(first);
@@ -86,60 +91,6 @@ impl Neighbours {
             }
         }
         (!pairs.is_empty()).then(|| sum.map(|s| s / pairs.len() as f32))
-    }
-}
-
-/// Points by squares of one pitch.
-struct Buckets<'a> {
-    points: &'a [[f32; 2]],
-    side: f32,
-    width: usize,
-    height: usize,
-    starts: Vec<u32>,
-    members: Vec<u32>,
-}
-
-impl<'a> Buckets<'a> {
-    fn new(points: &'a [[f32; 2]], pitch: f32) -> Self {
-        let side = pitch.max(1e-3);
-        let far = |axis: usize| points.iter().fold(0f32, |m, p| m.max(p[axis]));
-        let cells = |axis: usize| ((far(axis) / side) as usize).min(1 << 15) + 1;
-        let (width, height) = (cells(0), cells(1));
-        let mut out = Buckets { points, side, width, height, starts: vec![0; width * height + 1], members: Vec::new() };
-        let cell = |p: &[f32; 2]| out.along(p[1], height) * width + out.along(p[0], width);
-        let cells: Vec<u32> = points.iter().map(|p| cell(p) as u32).collect();
-        for &cell in &cells {
-            out.starts[cell as usize + 1] += 1;
-        }
-        for k in 0..width * height {
-            out.starts[k + 1] += out.starts[k];
-        }
-        let mut next = out.starts.clone();
-        out.members = vec![0; points.len()];
-        for (i, &cell) in cells.iter().enumerate() {
-            out.members[next[cell as usize] as usize] = i as u32;
-            next[cell as usize] += 1;
-        }
-        out
-    }
-
-    fn along(&self, p: f32, cells: usize) -> usize {
-        ((p / self.side).max(0.0) as usize).min(cells - 1)
-    }
-
-    /// Calls `each` with every point nearer to `place` than `reach`.
-    fn near(&self, place: [f32; 2], reach: f32, mut each: impl FnMut(u32)) {
-        for t in self.along(place[1] - reach, self.height)..=self.along(place[1] + reach, self.height) {
-            let row = t * self.width;
-            let (from, to) = (self.along(place[0] - reach, self.width), self.along(place[0] + reach, self.width));
-            let members = self.starts[row + from] as usize..self.starts[row + to + 1] as usize;
-            for &i in &self.members[members] {
-                let p = self.points[i as usize];
-                if (p[0] - place[0]).powi(2) + (p[1] - place[1]).powi(2) < reach * reach {
-                    each(i);
-                }
-            }
-        }
     }
 }
 
@@ -167,7 +118,7 @@ impl Trust {
         let of_light = |c: usize| cells.filled().map(|m| (m[2], m[c])).collect();
         let least = LEAST_RESIDUAL * LEAST_RESIDUAL;
         // The quietest places are noise; what tells little there is nearer to it.
-        let left = [0, 1].map(|c| lower_envelope(of_light(c), least));
+        let left = [0, 1].map(|c| lower_quantiles(of_light(c), QUIETEST, [least, f32::INFINITY], least));
         let noise_at = |light: f32| left[0].noise_at(light).min(left[1].noise_at(light) / ONE_AND_AROUND).max(least);
         cells.map(|[views, samples, light]| trust_of(views, samples, noise_at(light)));
         let inner = |k: usize, side: usize| k.saturating_sub(grid.margin).min(side - 1);
@@ -196,9 +147,7 @@ impl Trust {
 fn trust_of(by_views: f32, by_samples: f32, noise: f32) -> f32 {
     let beyond_noise = (by_views - NOISE * noise).max(0.0);
     let left = (beyond_noise / by_samples.max(1e-12)).sqrt();
-    let [full, none] = LEFT;
-    let f = ((none - left) / (none - full)).clamp(0.0, 1.0);
-    f * f * (3.0 - 2.0 * f)
+    falling(left, LEFT)
 }
 
 #[cfg(test)]

@@ -17,6 +17,7 @@ use lenslet_core::sampling::bicubic;
 
 use super::working_size::working_size;
 use crate::Error;
+use crate::method::Method;
 use crate::multiview::Fit;
 use crate::reconstruct::{Available, DataConsistent, Options, Plan, Reconstructor};
 
@@ -87,14 +88,17 @@ impl<'a> LearnedViews<'a> {
         self.working
     }
 
-    /// The fit whose refined views the dictionary was made for.
-    #[must_use]
-    pub fn fit(&self) -> Fit {
-        let model = match &self.step {
-            Step::Consistent(step) => step.reconstructor().model(),
-            Step::Alone(step) => step.model(),
+    /// The fit that `method` asks for; else the one whose refined views the dictionary of `learned` was made for, or the
+    /// usual one where nothing is learned.
+    pub(crate) fn fit_of(method: &Method, learned: Option<&Self>) -> Fit {
+        let made_for = |learned: &Self| {
+            let model = match &learned.step {
+                Step::Consistent(step) => step.reconstructor().model(),
+                Step::Alone(step) => step.model(),
+            };
+            Fit::for_dictionary(model.footprint)
         };
-        Fit::for_dictionary(model.footprint)
+        method.fit.or(learned.map(made_for)).unwrap_or_default()
     }
 
     /// The predictor, the step between patches and the copies averaged.

@@ -81,7 +81,7 @@ impl<'a> Renderer<'a> {
         };
         let working = learned.as_ref().map_or(size, LearnedViews::working_size);
         let interpolated = if interpolation == Interpolation::Multiview {
-            let fit = method.fit.or(learned.as_ref().map(LearnedViews::fit)).unwrap_or_default();
+            let fit = LearnedViews::fit_of(method, learned.as_ref());
             let options = multiview::Options { fit, ..multiview::Options::default() };
             InterpolatedViews::refined(samples, &options, &working, observer)?
         } else {
