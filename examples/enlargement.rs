@@ -199,7 +199,7 @@ fn main() -> anyhow::Result<()> {
     let began = Instant::now();
     let (name, views) = fewer.interpolated(&size, &wanted)?;
     report(name, views, began.elapsed().as_secs_f64());
-    for (name, fit) in [("least-squares", Fit::Smooth), ("joint", Fit::Joint(None))] {
+    for (name, fit) in [("least-squares", Fit::LeastSquares), ("joint", Fit::Joint(None))] {
         let began = Instant::now();
         let refined = RefinedViews::estimate(fewer.set(&size)?, &Options { fit, ..Options::default() }, &Silent)?;
         let mut views = Vec::new();

@@ -82,7 +82,7 @@ fn render(samples: &HexSamples, target: &Size, wanted: &[(usize, usize)]) -> any
         wanted.iter().map(|&(v, u)| Ok(prepared.render_view(v, u)?)).collect()
     };
     let mut views = vec![single(Interpolation::Barycentric)?, single(Interpolation::Cubic)?];
-    let (points, disparity, seconds) = refined(samples, target, wanted, Fit::Smooth)?;
+    let (points, disparity, seconds) = refined(samples, target, wanted, Fit::LeastSquares)?;
     let (discs, ..) = refined(samples, target, wanted, Fit::Joint(None))?;
     // The dictionary inside the program is made for views by least squares.
     let learned = learned(samples, target, wanted, &points)?;
@@ -258,7 +258,7 @@ fn real(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
             let views = match method.parse() {
                 Ok(single) => InterpolatedViews::prepare(rest, single, &target, &Silent)?,
                 Err(_) => {
-                    let fit = if method == "joint" { Fit::Joint(None) } else { Fit::Smooth };
+                    let fit = if method == "joint" { Fit::Joint(None) } else { Fit::LeastSquares };
                     InterpolatedViews::refined(rest, &Options { fit, ..Options::default() }, &target, &Silent)?
                 }
             };

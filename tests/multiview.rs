@@ -274,7 +274,7 @@ fn refined_view_score(
 fn pixels_are_means_over_what_they_replace() {
     for (scale, side, d) in [(2, 160, 0.83), (3, 180, 1.22)] {
         let field = averaged(scale, side, d, |_, _| (1.0, 0.0, 0.0));
-        let points = refined_score(&field, side, Fit::Smooth);
+        let points = refined_score(&field, side, Fit::LeastSquares);
         let means = refined_score(&field, side, Fit::for_enlargement(scale as f64));
         let disc = refined_score(&field, side, Fit::Joint(Some(SampleFootprint::Point)));
         println!("scale {scale}: least squares {points:.2}, joint {means:.2}, joint with points {disc:.2}");
@@ -288,7 +288,7 @@ fn views_may_differ_in_gain_offset_and_place() {
     let other = averaged(2, 160, 0.83, |v, _| if v == 1 { (0.85, 0.06, 0.6) } else { (1.0, 0.0, 0.0) });
     let fit = Fit::for_enlargement(2.0);
     let (alike, different) = (refined_score(&same, 160, fit), refined_score(&other, 160, fit));
-    let points = refined_score(&other, 160, Fit::Smooth);
+    let points = refined_score(&other, 160, Fit::LeastSquares);
     println!("alike {alike:.2}, different {different:.2}, least squares of the different {points:.2}");
     assert!(different > points + 5.0, "{different:.2} of {alike:.2}, {points:.2}");
 }
@@ -304,7 +304,7 @@ fn a_view_beside_the_middle_keeps_its_own_light() {
     let own = |value: f64| gain * value + offset;
     let joint = Fit::for_enlargement(2.0);
     let (in_its_own, in_others) = (score(joint, &own), score(joint, &|value| value));
-    let points = score(Fit::Smooth, &own);
+    let points = score(Fit::LeastSquares, &own);
     println!("own light {in_its_own:.2}, the others' {in_others:.2}, least squares {points:.2}");
     assert!(in_its_own > points + 3.0 && in_its_own > in_others + 10.0, "{in_its_own:.2}, {in_others:.2}, {points:.2}");
 }

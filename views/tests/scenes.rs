@@ -335,7 +335,7 @@ fn scored(name: &str, world: World, fault: Fault, camera: Camera, sigma: f32, al
         let options = Options { fit, known: known.clone(), ..Options::default() };
         RefinedViews::estimate(samples.set(), &options, &Silent).unwrap()
     };
-    let (smooth, joint) = (all.then(|| refined(Fit::Smooth)), refined(Fit::Joint(None)));
+    let (smooth, joint) = (all.then(|| refined(Fit::LeastSquares)), refined(Fit::Joint(None)));
     let scores = SCORED.map(|at| {
         let score = |image: &Array3<f32>| samples.psnr(image, &truth, at);
         let by = |refined: &RefinedViews| score(&refined.render_view(at.0, at.1).unwrap());
@@ -407,4 +407,39 @@ fn refinement_does_not_fall_below_a_view_alone() {
         }
     }
     assert!(low.is_empty(), "below the view alone: {low:#?}");
+}
+
+/// Dust darkens one lenslet in a few views: the other views show what is there.
+#[test]
+fn dark_specks_of_single_lenslets_do_not_come_back() {
+    for (name, world) in [("planes", planes as World), ("plane", plane), ("still", still)] {
+        let truth = sharp(world, Fault::None);
+        for sigma in [0.0, 0.015] {
+            let Samples::Hexagonal(mut samples) = Samples::of(&truth, Camera::Discs, sigma) else { unreachable!() };
+            let inner = |c: &[f64; 2]| c.iter().all(|x| (20.0..SIDE as f64 - 20.0).contains(x));
+            let specked: Vec<usize> =
+                (0..samples.centres.len()).filter(|k| inner(&samples.centres[*k])).step_by(61).collect();
+            for (k, at) in specked.iter().flat_map(|k| SCORED[1..].iter().map(move |at| (*k, at))) {
+                samples.values[[at.0 * VIEWS + at.1, k, 0]] *= 0.1;
+            }
+            let places: Vec<[f64; 2]> = specked.iter().map(|k| samples.centres[*k]).collect();
+            let samples = Samples::Hexagonal(samples);
+            let options = Options { fit: Fit::Joint(None), ..Options::default() };
+            let refined = RefinedViews::estimate(samples.set(), &options, &Silent).unwrap();
+            for at in &SCORED[1..] {
+                let deep = |image: &Array3<f32>| {
+                    let dark = |c: &[f64; 2]| {
+                        let (s, t) = (c[0].round() as usize, c[1].round() as usize);
+                        srgb_encode(truth[[at.0, at.1, t, s, 0]]) - srgb_encode(image[[t, s, 0]].max(0.0))
+                    };
+                    places.iter().map(dark).sum::<f32>() / places.len() as f32
+                };
+                let alone = deep(&samples.alone(*at)[1]);
+                let joint = deep(&refined.render_view(at.0, at.1).unwrap());
+                println!("{name}, noise {sigma}, view {at:?}: too dark by {joint:.3}, alone {alone:.3}");
+                // As wide means as trust has elsewhere leave 0.23 to 0.27 of 0.32.
+                assert!(alone > 0.25 && joint.abs() < 0.05, "{name}, noise {sigma}, view {at:?}: {alone} {joint}");
+            }
+        }
+    }
 }

@@ -8,15 +8,15 @@ use crate::inverse::SampleFootprint;
 /// How the image is made of the scattered samples.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Fit {
-    /// Weighted least-squares pixels, single-view interpolation as the prior.
+    /// Every sample a point of the picture: weighted least-squares pixels, single-view interpolation as the prior.
     #[default]
-    Smooth,
+    LeastSquares,
     /// As in the paper: triangulate all samples, interpolate barycentrically. Takes seconds a view; kept for
     /// comparison.
     Triangulation,
     /// Every sample the mean over its footprint, the picture found by [`crate::inverse`]; views may differ from it by gain,
-    /// offset and a smooth shift, and by their light from place to place. `None`: the footprint that samples of their kind
-    /// usually have, a disc of one pitch for a lenslet's, the pixels of the target that it covers for a pixel.
+    /// offset and a smooth shift, and by their light from place to place. `None`: the footprint that samples of
+    /// their kind usually have, a disc of one pitch for a lenslet's, the pixels of the target that it covers for a pixel.
     Joint(Option<SampleFootprint>),
 }
 
@@ -25,7 +25,7 @@ impl Fit {
     /// the result; least squares where there is nothing to enlarge.
     #[must_use]
     pub fn for_enlargement(scale: f64) -> Self {
-        if scale >= LEAST_ENLARGEMENT { Fit::Joint(None) } else { Fit::Smooth }
+        if scale >= LEAST_ENLARGEMENT { Fit::Joint(None) } else { Fit::LeastSquares }
     }
 
     /// The fit whose views a dictionary sharpens that takes a sample for this footprint: the joint fit where it is the mean
@@ -35,13 +35,13 @@ impl Fit {
     /// use lenslet_core::dictionary::Footprint;
     /// use lenslet_views::multiview::Fit;
     /// assert_eq!(Fit::for_dictionary(Footprint::Lenslet), Fit::Joint(None));
-    /// assert_eq!(Fit::for_dictionary(Footprint::Point), Fit::Smooth);
+    /// assert_eq!(Fit::for_dictionary(Footprint::Point), Fit::LeastSquares);
     /// ```
     #[must_use]
     pub fn for_dictionary(footprint: Footprint) -> Self {
         match footprint {
             Footprint::Lenslet => Fit::Joint(None),
-            Footprint::Point | Footprint::Grid => Fit::Smooth,
+            Footprint::Point | Footprint::Grid => Fit::LeastSquares,
         }
     }
 
@@ -49,7 +49,7 @@ impl Fit {
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            Fit::Smooth => "least-squares",
+            Fit::LeastSquares => "least-squares",
             Fit::Triangulation => "triangulation",
             Fit::Joint(_) => "joint",
         }
@@ -64,7 +64,7 @@ const LEAST_ENLARGEMENT: f64 = 1.2;
 /// How views are refined.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
-    /// How the image is made of the samples; default [`Fit::Smooth`].
+    /// How the image is made of the samples; default [`Fit::LeastSquares`].
     pub fit: Fit,
     /// How disparity is estimated; `range` and `limit` are in pixels of the target view per view step. The default is
     /// that of [`disparity::Options`], for linear light.

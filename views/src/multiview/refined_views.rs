@@ -28,7 +28,7 @@ pub struct RefinedViews<'a> {
 
 /// A fit, and what it shares among all views.
 enum Fitted {
-    Smooth,
+    LeastSquares,
     Triangulation,
     Joint(Box<JointFit>),
 }
@@ -36,7 +36,7 @@ enum Fitted {
 impl Fitted {
     fn new(set: &SampleSet, fit: &Fit) -> Self {
         match fit {
-            Fit::Smooth => Fitted::Smooth,
+            Fit::LeastSquares => Fitted::LeastSquares,
             Fit::Triangulation => Fitted::Triangulation,
             Fit::Joint(footprint) => {
                 Fitted::Joint(Box::new(JointFit::new(set, &footprint.unwrap_or_else(|| set.usual_footprint()))))
@@ -104,7 +104,7 @@ impl<'a> RefinedViews<'a> {
             return self.set.single(v, u);
         }
         let mut image = match &self.fitted {
-            Fitted::Smooth => smooth_fit::render_view(&self.set, &self.disparities, (v, u)),
+            Fitted::LeastSquares => smooth_fit::render_view(&self.set, &self.disparities, (v, u)),
             Fitted::Triangulation => triangulated::render_view(&self.set, &self.disparities, (v, u)),
             Fitted::Joint(joint) => joint.render_view(&self.set, &self.disparities, (v, u)),
         }?;

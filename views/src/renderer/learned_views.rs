@@ -91,14 +91,16 @@ impl<'a> LearnedViews<'a> {
     /// The fit that `method` asks for; else the one whose refined views the dictionary of `learned` was made for, or the
     /// usual one where nothing is learned.
     pub(crate) fn fit_of(method: &Method, learned: Option<&Self>) -> Fit {
-        let made_for = |learned: &Self| {
-            let model = match &learned.step {
-                Step::Consistent(step) => step.reconstructor().model(),
-                Step::Alone(step) => step.model(),
-            };
-            Fit::for_dictionary(model.footprint)
+        method.fit.or(learned.map(Self::made_for)).unwrap_or_default()
+    }
+
+    /// The fit whose refined views the dictionary was made for.
+    pub(crate) fn made_for(&self) -> Fit {
+        let model = match &self.step {
+            Step::Consistent(step) => step.reconstructor().model(),
+            Step::Alone(step) => step.model(),
         };
-        method.fit.or(learned.map(made_for)).unwrap_or_default()
+        Fit::for_dictionary(model.footprint)
     }
 
     /// The predictor, the step between patches and the copies averaged.

@@ -13,7 +13,7 @@ use super::interpolated_views::InterpolatedViews;
 use super::learned_views::LearnedViews;
 use crate::Error;
 use crate::method::Method;
-use crate::multiview;
+use crate::multiview::{self, Fit};
 use crate::reconstruct::{Plan, embedded_dictionary_for};
 use crate::target::{Sink, view_pitch};
 
@@ -47,6 +47,7 @@ use crate::target::{Sink, view_pitch};
 pub struct Renderer<'a> {
     samples: &'a HexSamples,
     method: &'static str,
+    fit: Option<Fit>,
     interpolated: InterpolatedViews<'a>,
     learned: Option<LearnedViews<'a>>,
     size: Size,
@@ -80,20 +81,33 @@ impl<'a> Renderer<'a> {
             None => None,
         };
         let working = learned.as_ref().map_or(size, LearnedViews::working_size);
-        let interpolated = if interpolation == Interpolation::Multiview {
-            let fit = LearnedViews::fit_of(method, learned.as_ref());
+        let fit = (interpolation == Interpolation::Multiview).then(|| LearnedViews::fit_of(method, learned.as_ref()));
+        let interpolated = if let Some(fit) = fit {
+            if let Some(made_for) = learned.as_ref().map(LearnedViews::made_for).filter(|m| m.name() != fit.name()) {
+                observer.note(&format!(
+                    "the dictionary was made for views by the fit {}, these are by {}: expect lower quality",
+                    made_for.name(),
+                    fit.name()
+                ));
+            }
             let options = multiview::Options { fit, ..multiview::Options::default() };
             InterpolatedViews::refined(samples, &options, &working, observer)?
         } else {
             InterpolatedViews::prepare(samples, interpolation, &working, observer)?
         };
-        Ok(Renderer { samples, method: method.name(), interpolated, learned, size, observer })
+        Ok(Renderer { samples, method: method.name(), fit, interpolated, learned, size, observer })
     }
 
     /// The size of the views.
     #[must_use]
     pub fn size(&self) -> Size {
         self.size
+    }
+
+    /// How multi-view samples become pixels; `None` where views are made of their own samples alone.
+    #[must_use]
+    pub fn fit(&self) -> Option<Fit> {
+        self.fit
     }
 
     /// The plan of learned reconstruction; `None` where views are only interpolated.

@@ -99,7 +99,7 @@ impl Method {
 
     /// How multi-view samples become pixels.
     pub fn fit(self) -> Fit {
-        if self == Method::MultiviewTriangulated { Fit::Triangulation } else { Fit::Smooth }
+        if self == Method::MultiviewTriangulated { Fit::Triangulation } else { Fit::LeastSquares }
     }
 
     /// Whether a view takes seconds even on a small sensor; quick runs leave these methods out.

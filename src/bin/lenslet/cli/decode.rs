@@ -58,7 +58,7 @@ pub struct Args {
     /// Interpolation that learned reconstruction starts from: barycentric, cubic or multiview
     #[arg(long, value_name = "METHOD")]
     base: Option<Interpolation>,
-    /// How multi-view samples become pixels [default: least-squares]
+    /// How multi-view samples become pixels [default: least-squares, or what the dictionary was made for]
     #[arg(long, value_enum)]
     fit: Option<FitName>,
     /// Views a row and a column (odd, up to 15)
@@ -250,12 +250,6 @@ impl Args {
         if self.fit.is_some() && self.interpolation() != Interpolation::Multiview {
             return Err(Usage("--fit goes with --method multiview, or learned on --base multiview".into()).into());
         }
-        if self.fit == Some(FitName::Joint) && self.method == MethodName::Learned {
-            return Err(Usage(
-                "--fit joint goes with --method multiview: dictionaries are made for views by the others".into(),
-            )
-            .into());
-        }
         if let (MethodName::Interpolation(method), Some(option)) = (self.method, self.learned.first_given()) {
             return Err(Usage(format!("{option} goes with --method learned, not {method}")).into());
         }
@@ -425,6 +419,9 @@ fn decode_one(
     let size = meta.size;
     let target = Size { width: size[1], height: size[0] };
     let renderer = Renderer::prepare(&samples, method, target, progress)?;
+    if let (Some(fit), Some(Value::Object(last))) = (renderer.fit(), meta.provenance.last_mut()) {
+        last.insert("fit".into(), fit.name().into());
+    }
     let predictor = renderer.plan().map(|plan| plan.to_string());
     if let Some(predictor) = &predictor {
         let (base, dictionary) = (args.base(), args.dictionary_name());
@@ -526,7 +523,6 @@ fn describe_views(
         "calibration_sources": calibration.origin.sources,
         "method": args.method.name(),
         "base": (args.method == MethodName::Learned).then(|| args.base().name()),
-        "fit": args.fit.map(|fit| Fit::from(fit).name()),
         "view_step": args.view_step,
         "steps": options.steps.names(),
         "white_balance": format!("{:?}", args.white_balance),

@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use lenslet_core::dictionary::Footprint;
+use lenslet_core::dictionary::{Footprint, Model};
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{self, Meta, ViewOrigin};
 use lenslet_core::progress::Observer;
+use lenslet_views::multiview::Fit;
 use lenslet_views::reconstruct::{self, Available, Enlargement, Options, Reconstructor};
 use serde_json::json;
 
@@ -95,6 +96,12 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
             .progress
             .note(&format!("the dictionary has no model for {footprint} samples; {} is used", model.footprint));
     }
+    if let Some((by, made_for)) = other_fit(&meta, model) {
+        context.progress.note(&format!(
+            "these views were refined by the fit {by}, the dictionary was made for those by {made_for}: expect lower quality; \
+             decode or refine with --fit {made_for}"
+        ));
+    }
 
     let scale = match (args.scale, meta.pitch) {
         (Some(scale), _) => scale,
@@ -148,6 +155,18 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         "dictionary": name.display().to_string(),
     });
     Ok(Outcome { json, text })
+}
+
+/// The fit that made refined views, and the one that the model was made for, where they are not the same. Earlier
+/// descriptions name the fit only where it was asked for: least squares was usual.
+fn other_fit(meta: &Meta, model: &Model) -> Option<(String, &'static str)> {
+    if meta.method != Some(Interpolation::Multiview.into()) || model.base != Interpolation::Multiview {
+        return None;
+    }
+    let made = meta.provenance.iter().rev().find(|step| step["command"] == "decode" || step["command"] == "refine")?;
+    let by = made["fit"].as_str().unwrap_or(Fit::LeastSquares.name());
+    let made_for = Fit::for_dictionary(model.footprint).name();
+    (by != made_for).then(|| (by.to_owned(), made_for))
 }
 
 /// The embedded dictionary for views made as the description has it.

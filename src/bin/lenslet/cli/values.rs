@@ -103,7 +103,7 @@ named_values! {
     /// `--fit`: how multi-view samples become pixels.
     FitName => Fit {
         /// Pixels that fit all samples best
-        LeastSquares => Fit::Smooth,
+        LeastSquares => Fit::LeastSquares,
         /// As printed in the paper: all samples triangulated, the pixels between them interpolated barycentrically
         Triangulation => Fit::Triangulation,
         /// The picture of which every sample is the mean over its footprint: of a lenslet a disc as wide as lenslets are
