@@ -52,12 +52,6 @@ const LIGHT_ROUNDS: usize = 2;
 /// Source: chosen for the time they take; 6 and 12 at every width change scores by −0.24 to 0.08 dB.
 const STEPS: [f64; 2] = [4.0, 6.5];
 
-/// Weight of the prior in views that are rendered, whose contrast is that of a picture already solved.
-///
-/// Source: chosen on Antinous, the Jaramillo and the KAIST field enlarged by three: 1.5 gains 0.3 dB on the last and loses as
-/// much on the second.
-const PRIOR: f32 = 1.2;
-
 /// Samples of a view whose rows lie side by side with those of the same samples of the other views: what they add to stays in
 /// the processor's cache.
 ///
@@ -239,7 +233,7 @@ impl JointFit {
             if w >= 2 && h >= 2 {
                 let grid = self.grid(w, h);
                 let blurred = extended(&alone, &grid);
-                let contrast = self.contrast(&blurred, &grid);
+                let contrast = mean_contrast(&blurred, grid.width, true);
                 let start = picture.unwrap_or_else(|| blurred.clone());
                 let (picture, equal) = self.solve_afresh(set, disparities, at, &grid, &contrast, &blurred, start);
                 self.from_middle = Some(FromMiddle { picture, equal: equal.into_owned() });
@@ -272,8 +266,6 @@ impl JointFit {
         placed.weigh_others(&own, &trust);
         placed.set_own(&own, OWN);
         solution.planes = trust.mixed(alone.clone(), &solution.planes);
-        // An interpolated view is too smooth to tell what contrast to expect, and a picture flattened by the prior.
-        let contrast = &larger(self.contrast(&solution.planes, grid), contrast);
         for round in 0..LIGHT_ROUNDS {
             let problem = self.problem(set, &placed, &values, contrast, at, grid);
             if round > 0 {
@@ -286,10 +278,6 @@ impl JointFit {
         let problem = self.problem(set, &placed, &values, contrast, at, grid);
         let planes = solve(&problem, solution.planes, &one_solution(self.steps[1])).planes;
         (planes, values)
-    }
-
-    fn contrast(&self, picture: &[Vec<f32>], grid: &Grid) -> Vec<f32> {
-        mean_contrast(picture, grid.width, !self.slopes.is_empty())
     }
 
     fn grid(&self, width: usize, height: usize) -> Grid {
@@ -315,7 +303,7 @@ impl JointFit {
         let picture =
             |planes: &[Vec<f32>]| Array3::from_shape_fn((h, w, c), |(t, s, l)| planes[l][(t + m) * grid.width + s + m]);
         let planes = extended(&alone, &grid);
-        let contrast = self.contrast(&planes, &grid);
+        let contrast = mean_contrast(&planes, grid.width, !self.slopes.is_empty());
         let Some(middle) = &self.from_middle else {
             let start = planes.clone();
             return Ok(picture(&self.solve_afresh(set, disparities, at, &grid, &contrast, &planes, start).0));
@@ -331,7 +319,6 @@ impl JointFit {
         let trust = Trust::new(&problem, &smooth, &self.neighbours, set.pitch);
         let start = trust.mixed(planes, &carried);
         placed.weigh_others(&own, &trust);
-        let contrast = larger(self.contrast(&start, &grid), &contrast);
         let problem = self.problem(set, &placed, &middle.equal, &contrast, at, &grid);
         let mut picture = picture(&solve(&problem, start, &one_solution(self.steps[0])).planes);
         dispatched(|| self.return_light(set, &middle.equal, target, &mut picture));
@@ -430,7 +417,7 @@ impl JointFit {
         let reach = offsets.iter().fold(1f32, |m, o| m.max(o[0].abs()).max(o[1].abs()));
         let n = set.points.len();
         let mut planes = extended(&alone, &grid);
-        let contrast = self.contrast(&planes, &grid);
+        let contrast = mean_contrast(&planes, grid.width, !self.slopes.is_empty());
         for round in 0..MOST_ROUNDS {
             observer.check()?;
             let (reweightings, steps) = WHILE_REFINING[round.min(1)];
@@ -462,14 +449,9 @@ impl JointFit {
     }
 }
 
-fn larger(mut a: Vec<f32>, b: &[f32]) -> Vec<f32> {
-    a.iter_mut().zip(b).for_each(|(a, b)| *a = a.max(*b));
-    a
-}
-
 /// Weights taken once, `steps` of conjugate gradients.
 fn one_solution(steps: usize) -> SolveOptions {
-    SolveOptions { reweightings: 0, steps, prior: PRIOR, ..SolveOptions::default() }
+    SolveOptions { reweightings: 0, steps, ..SolveOptions::default() }
 }
 
 /// A picture (t, s, c) as one plane a channel on the grid, its border repeated in the margins.
