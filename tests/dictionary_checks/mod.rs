@@ -72,12 +72,15 @@ impl World {
         let seen = |scene: &Scene, fit: Fit| {
             let mut truth = simulate::true_view(scene, &camera, [0.0; 2], target);
             colour::convert(&mut truth, ColourSpace::Linear, ColourSpace::Srgb);
-            let by = |i: Interpolation| {
-                let method = Method::from(i).fitted_by(fit);
-                samples.renderer(method).size(target).prepare().unwrap().view(MIDDLE, MIDDLE).unwrap()
-            };
-            let plain = Interpolation::ALL.map(|i| (i.name(), psnr_y(&by(i), &truth))).into();
-            Seen { low: [Interpolation::Barycentric, Interpolation::Multiview].map(by), plain, truth }
+            let mut views: BTreeMap<&str, View<Linear>> = Interpolation::ALL
+                .map(|i| {
+                    let method = Method::from(i).fitted_by(fit);
+                    (i.name(), samples.renderer(method).size(target).prepare().unwrap().view(MIDDLE, MIDDLE).unwrap())
+                })
+                .into();
+            let plain = views.iter().map(|(name, view)| (*name, psnr_y(view, &truth))).collect();
+            let low = [Interpolation::Barycentric, Interpolation::Multiview].map(|i| views.remove(i.name()).unwrap());
+            Seen { low, plain, truth }
         };
         let points = seen(&scenes.gathered, Fit::LeastSquares);
         let sharp = seen(&scenes.sharp, Fit::Joint(None));
@@ -108,8 +111,8 @@ fn psnr_y(view: &View<Linear>, truth: &Array3<f32>) -> f64 {
     Scores::between(view.encode().pixels().view(), truth.view(), &Window::without_border(BORDER)).unwrap().psnr_y
 }
 
-/// The scores of a dictionary in the two worlds, against the sharp truth where samples are means over a lenslet; of one for rectangular grids those of two photographs, made small and
-/// enlarged again.
+/// The scores of a dictionary in the two worlds, against the sharp truth where samples are means over a lenslet; of one for
+/// rectangular grids those of two photographs, made small and enlarged again.
 pub fn measure(dictionary: &Dictionary) -> [Psnr; 2] {
     let model = dictionary.model(Footprint::Point).unwrap();
     if model.footprint == Footprint::Grid {

@@ -45,6 +45,16 @@ impl Fit {
         }
     }
 
+    /// What to say where a dictionary that was made for views by this fit is used on those by the fit of another name.
+    #[must_use]
+    pub fn note_of_other(self, by: &str) -> Option<String> {
+        let made_for = self.name();
+        let text = || {
+            format!("the dictionary was made for views by the fit {made_for}, these are by {by}: expect lower quality")
+        };
+        (by != made_for).then(text)
+    }
+
     /// Name on the command line and in records.
     #[must_use]
     pub fn name(self) -> &'static str {

@@ -83,12 +83,9 @@ impl<'a> Renderer<'a> {
         let working = learned.as_ref().map_or(size, LearnedViews::working_size);
         let fit = (interpolation == Interpolation::Multiview).then(|| LearnedViews::fit_of(method, learned.as_ref()));
         let interpolated = if let Some(fit) = fit {
-            if let Some(made_for) = learned.as_ref().map(LearnedViews::made_for).filter(|m| m.name() != fit.name()) {
-                observer.note(&format!(
-                    "the dictionary was made for views by the fit {}, these are by {}: expect lower quality",
-                    made_for.name(),
-                    fit.name()
-                ));
+            let made_for = learned.as_ref().map(LearnedViews::made_for);
+            if let Some(note) = made_for.and_then(|made_for| made_for.note_of_other(fit.name())) {
+                observer.note(&note);
             }
             let options = multiview::Options { fit, ..multiview::Options::default() };
             InterpolatedViews::refined(samples, &options, &working, observer)?

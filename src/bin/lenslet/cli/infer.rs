@@ -96,11 +96,8 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
             .progress
             .note(&format!("the dictionary has no model for {footprint} samples; {} is used", model.footprint));
     }
-    if let Some((by, made_for)) = other_fit(&meta, model) {
-        context.progress.note(&format!(
-            "these views were refined by the fit {by}, the dictionary was made for those by {made_for}: expect lower quality; \
-             decode or refine with --fit {made_for}"
-        ));
+    if let Some(note) = note_of_other_fit(&meta, model) {
+        context.progress.note(&note);
     }
 
     let scale = match (args.scale, meta.pitch) {
@@ -157,16 +154,16 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     Ok(Outcome { json, text })
 }
 
-/// The fit that made refined views, and the one that the model was made for, where they are not the same. Earlier
-/// descriptions name the fit only where it was asked for: least squares was usual.
-fn other_fit(meta: &Meta, model: &Model) -> Option<(String, &'static str)> {
+/// What to say where refined views were made by another fit than those that the model was made for. Earlier descriptions
+/// name the fit only where it was asked for: least squares was usual.
+fn note_of_other_fit(meta: &Meta, model: &Model) -> Option<String> {
     if meta.method != Some(Interpolation::Multiview.into()) || model.base != Interpolation::Multiview {
         return None;
     }
     let made = meta.provenance.iter().rev().find(|step| step["command"] == "decode" || step["command"] == "refine")?;
     let by = made["fit"].as_str().unwrap_or(Fit::LeastSquares.name());
-    let made_for = Fit::for_dictionary(model.footprint).name();
-    (by != made_for).then(|| (by.to_owned(), made_for))
+    let made_for = Fit::for_dictionary(model.footprint);
+    Some(format!("{}; decode or refine with --fit {}", made_for.note_of_other(by)?, made_for.name()))
 }
 
 /// The embedded dictionary for views made as the description has it.
