@@ -4,8 +4,9 @@
 //! A set of photos is a folder; files are one set, called `photos`. Each photo is the background of a scene, the two after it
 //! in its set stand before it at other depths (as `simulate --photo` does it); the simulated camera (another for every seed,
 //! noise as in `simulate`) takes it, the capture is calibrated and decoded, and the middle view of 7×7 compared with the
-//! truth. Light fields rendered by others have their middle views (7×7, or the largest square that has all of them) sampled
-//! on a hexagonal lattice of pitch 1080/328 pixels at a phase by the seed, without noise, and recovered at their own size.
+//! sharp truth. Light fields rendered by others have their middle views (7×7, or the largest square that has all of them)
+//! gathered by lenslets: means of linear light over discs of one pitch, 1080/328 pixels, on a hexagonal lattice at a phase by
+//! the seed, without noise; they are recovered at their own size.
 //! The seeds are 1 to N.
 //!
 //! Prints one JSON object: for each set and light field, of every method, PSNR of luminance and colour (dB, sRGB-encoded, 12
@@ -19,14 +20,14 @@ use anyhow::{Context as _, ensure};
 use clap::Parser as _;
 use lenslet_core::calibration::{self, CalibrationOptions};
 use lenslet_core::decode::{self, HexSamples};
-use lenslet_core::dictionary::{Dictionary, PatchPredictor};
+use lenslet_core::dictionary::{self, Dictionary, PatchPredictor};
 use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{self, ColourSpace, LightField, ReadOptions, colour};
 use lenslet_core::metrics::{BORDER, Scores, Window};
 use lenslet_core::progress::Silent;
 use lenslet_core::sampling::{DEFAULT_PITCH, DEFAULT_ROTATION, Footprint};
-use lenslet_data_gen::simulate::{self, Camera, SimulationOptions};
+use lenslet_data_gen::simulate::{self, Camera, ScenePair, SimulationOptions};
 use lenslet_views::reconstruct::{Mode, Options, embedded_dictionary_for};
 use lenslet_views::{LearnedViews, RenderSamples as _};
 use ndarray::{Array3, s};
@@ -67,6 +68,9 @@ fn score(view: &Array3<f32>, truth: &Array3<f32>) -> anyhow::Result<[f64; 2]> {
     Ok([scores.psnr_y, scores.psnr_rgb])
 }
 
+/// What a sample is of the truth: the mean over a lenslet.
+const FOOTPRINT: dictionary::Footprint = dictionary::Footprint::Lenslet;
+
 /// Every method on the middle view.
 fn row(
     samples: &HexSamples,
@@ -83,9 +87,9 @@ fn row(
     }
     for (base, dictionary) in learned {
         let on = if *base == Interpolation::Barycentric { String::new() } else { format!(" on {base}") };
-        let model = dictionary.model(Options::default().footprint).context("an embedded dictionary is empty")?;
+        let model = dictionary.model(FOOTPRINT).context("an embedded dictionary is empty")?;
         for predictor in model.patch_model.predictors() {
-            let options = Options { mode: Mode::Only(predictor), ..Options::default() };
+            let options = Options { mode: Mode::Only(predictor), footprint: FOOTPRINT, ..Options::default() };
             let prepared = LearnedViews::prepare(samples, *base, &target, dictionary, &options, &Silent)?;
             let view = prepared.reconstruct_view(&low[base], middle, middle)?;
             row.push((format!("{predictor}{on}"), score(view.encode().pixels(), truth)?));
@@ -102,11 +106,11 @@ fn photographed(
     learned: &[(Interpolation, Dictionary)],
 ) -> anyhow::Result<Row> {
     let camera = Camera::with_sensor(sensor).perturbed(seed);
-    let scene = simulate::photo_scene(photos, &camera, None, seed, &Silent)?;
+    let scenes = ScenePair::draw(&camera, |camera| simulate::photo_scene(photos, camera, None, seed, &Silent))?;
     let options = SimulationOptions { seed, ..SimulationOptions::default() };
-    let simulation = simulate::render_capture(&scene, &camera, &options, &Silent)?;
+    let simulation = simulate::render_capture(&scenes.gathered, &camera, &options, &Silent)?;
     let Size { width, height } = simulate::output_size(&camera, (sensor * 1080 + 1640) / 3280);
-    let mut truth = simulate::true_view(&scene, &camera, [0.0; 2], Size::new(width, height));
+    let mut truth = simulate::true_view(&scenes.sharp, &camera, [0.0; 2], Size::new(width, height));
     colour::convert(&mut truth, ColourSpace::Linear, ColourSpace::Srgb);
     let calibration = calibration::calibrate(&simulation.whites, &CalibrationOptions::default(), &Silent)?;
     let samples = decode::sample_views(&simulation.capture, &calibration, &decode::Options::default(), &Silent)?;
@@ -125,13 +129,13 @@ fn whole_square(field: &LightField) -> anyhow::Result<usize> {
     (1..=VIEWS.min(rows)).rev().step_by(2).find(|&side| is_whole(side)).context("the middle view is absent")
 }
 
-/// The middle views of a light field, sampled on a hexagonal lattice.
+/// The middle views of a light field, gathered by lenslets of a hexagonal lattice.
 fn sampled(field: &LightField, views: usize, seed: u64) -> anyhow::Result<HexSamples> {
     let first = (field.meta.views[0] - views) / 2;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let phase = [rng.random::<f64>(), rng.random::<f64>()];
     let middle = field.data.slice(s![first..first + views, first..first + views, .., .., ..]);
-    Ok(HexSamples::of_views(middle, DEFAULT_PITCH, DEFAULT_ROTATION, phase, Footprint::Bilinear)?)
+    Ok(HexSamples::of_views(middle, DEFAULT_PITCH, DEFAULT_ROTATION, phase, Footprint::Disc(DEFAULT_PITCH))?)
 }
 
 /// Captures of a light field rendered by others; its name says how many views were used.

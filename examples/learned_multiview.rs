@@ -3,7 +3,7 @@
 //!
 //! Each scene (default: natural, chart, occluders, planes; none is trained on) is captured by a simulated camera (`--sensor`
 //! pixels wide, noise as in `simulate`), calibrated, decoded, refined and reconstructed as
-//! `decode --method learned --base multiview` does it, and every view compared with the truth. Prints one JSON object: PSNR
+//! `decode --method learned --base multiview` does it, and every view compared with the sharp truth. Prints one JSON object: PSNR
 //! (dB, sRGB-encoded, 12 pixels of border left out) of colour and of luminance, before and after, of the centre view; the
 //! mean, the least and the view of the least gain over all views; which predictor made it; and the centre view by cubic
 //! interpolation and by every predictor of the dictionary, no codes among them.
@@ -19,7 +19,7 @@ use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{ColourSpace, View, colour};
 use lenslet_core::metrics::{BORDER, Scores, Window};
 use lenslet_core::progress::Silent;
-use lenslet_data_gen::simulate::{self, Camera, Scene, SceneName, SceneUse, SimulationOptions};
+use lenslet_data_gen::simulate::{self, Camera, Scene, SceneName, ScenePair, SceneUse, SimulationOptions};
 use lenslet_views::reconstruct::{self, Mode, Options};
 use lenslet_views::{LearnedViews, RenderSamples as _};
 use ndarray::Array3;
@@ -72,9 +72,9 @@ fn scores(view: &View, truth: &Array3<f32>) -> anyhow::Result<[f64; 2]> {
 fn scored(kind: SceneName, a: &Arguments, dictionary: &Dictionary) -> anyhow::Result<Value> {
     // Another camera for every seed, as in `ablate`.
     let camera = Camera::with_sensor(a.sensor).perturbed(a.seed);
-    let scene = Scene::named(kind, &camera, None, a.seed, &Silent)?;
+    let scenes = ScenePair::draw(&camera, |camera| Scene::named(kind, camera, None, a.seed, &Silent))?;
     let options = SimulationOptions { seed: a.seed, noise: a.noise, whites: 2 };
-    let simulation = simulate::render_capture(&scene, &camera, &options, &Silent)?;
+    let simulation = simulate::render_capture(&scenes.gathered, &camera, &options, &Silent)?;
     let size = simulate::output_size(&camera, (a.sensor * 1080 + 1640) / 3280);
     let calibration = calibration::calibrate(&simulation.whites, &calibration::CalibrationOptions::default(), &Silent)?;
     let samples = decode::sample_views(&simulation.capture, &calibration, &decode::Options::default(), &Silent)?;
@@ -95,7 +95,7 @@ fn scored(kind: SceneName, a: &Arguments, dictionary: &Dictionary) -> anyhow::Re
     let mut gains: Vec<((usize, usize), [f64; 2])> = Vec::new();
     let mut centre = Value::Null;
     let mut each = |v: usize, u: usize, view: View| -> anyhow::Result<()> {
-        let mut truth = simulate::true_view(&scene, &camera, simulate::view_offset([v, u], VIEWS, 1.0), size);
+        let mut truth = simulate::true_view(&scenes.sharp, &camera, simulate::view_offset([v, u], VIEWS, 1.0), size);
         colour::convert(&mut truth, ColourSpace::Linear, ColourSpace::Srgb);
         let sharp = learned.reconstruct_view(&view, v, u)?;
         let (before, after) = (scores(&view, &truth)?, scores(&sharp, &truth)?);

@@ -2,8 +2,8 @@
 //! `cargo run --release --example multiview -- planes TRUTH_DIR SAMPLES.npz` a simulated capture (`lenslet simulate` writes
 //! TRUTH_DIR/views, sharp and disparity.npy, `lenslet decode` SAMPLES.npz): disparity errors, PSNR and SSIM of each method
 //! against the sharp truth and against the one that lenslets gather;
-//! `… -- field LIGHT_FIELD [--pitch P] [--truth-disparity GT.pfm]` any light field, its views sampled on a hexagonal grid of
-//! pitch P (1080/328 pixels unless told) and recovered at their own size;
+//! `… -- field LIGHT_FIELD [--pitch P] [--truth-disparity GT.pfm]` any light field, its views gathered by lenslets on a hexagonal
+//! grid of pitch P (1080/328 pixels unless told), means over discs of one pitch, and recovered at their own size;
 //! `… -- hidden SAMPLES.npz` a real capture: PSNR on hidden lenslets, and how well views agree.
 //! Prints one JSON object. PSNR over all channels, SSIM of luminance, sRGB-encoded values, 12 pixels of border left out.
 //! `--size N` longer side of the views (1080), `--save DIR` pictures, arrays (linear light) and epipolar images, `--all` times
@@ -53,7 +53,7 @@ struct Arguments {
 enum Task {
     /// A simulated capture against its truth
     Planes { truth: PathBuf, samples: PathBuf },
-    /// Views of any light field, sampled on a hexagonal lattice and recovered at their own size
+    /// Views of any light field, gathered by lenslets on a hexagonal lattice and recovered at their own size
     Field {
         field: PathBuf,
         /// Pitch of the lattice, pixels
@@ -84,8 +84,7 @@ fn render(samples: &HexSamples, target: &Size, wanted: &[(usize, usize)]) -> any
     let mut views = vec![single(Interpolation::Barycentric)?, single(Interpolation::Cubic)?];
     let (points, disparity, seconds) = refined(samples, target, wanted, Fit::LeastSquares)?;
     let (discs, ..) = refined(samples, target, wanted, Fit::Joint(None))?;
-    // The dictionary inside the program is made for views by least squares.
-    let learned = learned(samples, target, wanted, &points)?;
+    let learned = learned(samples, target, wanted, &discs)?;
     views.extend([points, discs, learned]);
     Ok(Rendered { views, disparity, seconds })
 }
@@ -111,7 +110,7 @@ fn refined(
     Ok((views, refined.disparities().middle.disparity.clone(), seconds))
 }
 
-/// Refined views reconstructed with the dictionary made for them.
+/// Views of the joint fit reconstructed with the dictionary made for them.
 fn learned(
     samples: &HexSamples,
     target: &Size,
@@ -228,7 +227,7 @@ fn resampled(path: &Path, pitch: f64, truth_disparity: Option<&Path>, a: &Argume
     field.meta.colour = ColourSpace::Linear;
     let (rows, columns, ..) = field.data.dim();
     ensure!(rows == columns && rows % 2 == 1, "{rows}x{columns} views; a square, odd number is needed");
-    let seen = Footprint::Bilinear;
+    let seen = Footprint::Disc(pitch);
     let samples = HexSamples::of_views(field.data.view(), pitch, DEFAULT_ROTATION, [0.31, 0.47], seen)?;
     let target = samples.sensor;
     let rendered = render(&samples, &target, &wanted)?;
@@ -258,7 +257,7 @@ fn real(path: &Path, a: &Arguments) -> anyhow::Result<Value> {
             let views = match method.parse() {
                 Ok(single) => InterpolatedViews::prepare(rest, single, &target, &Silent)?,
                 Err(_) => {
-                    let fit = if method == "joint" { Fit::Joint(None) } else { Fit::LeastSquares };
+                    let fit = if method == "least squares" { Fit::LeastSquares } else { Fit::Joint(None) };
                     InterpolatedViews::refined(rest, &Options { fit, ..Options::default() }, &target, &Silent)?
                 }
             };

@@ -15,8 +15,8 @@ use lenslet_core::decode::{self, HexSamples};
 use lenslet_core::geometry::Size;
 use lenslet_core::progress::Silent;
 use lenslet_data_gen::simulate::{
-    Camera, Lenslets, MicroImages, Scene, SceneName, SimulationOptions, disturb_signal, expose_scene, light_pattern,
-    output_size, record_mosaic, render_capture, true_view, view_offset,
+    Camera, Lenslets, MicroImages, Scene, SceneName, ScenePair, SimulationOptions, disturb_signal, expose_scene,
+    light_pattern, output_size, record_mosaic, render_capture, true_view, view_offset,
 };
 use lenslet_views::assess::{
     Difference, EdgeMeasures, Edges, LineMeasures, Lines, MiddleView, MiddleViews, Rays, compare_calibrations,
@@ -61,7 +61,8 @@ struct Simulated {
 fn simulate(sensor: usize, light: f32, footprint: f64, noise: f64, jpeg: Option<u8>) -> Simulated {
     let mut camera = Camera::with_sensor(sensor).perturbed(3);
     camera.optics.footprint = footprint;
-    let scene = Scene::named(SceneName::Natural, &camera, None, 3, &Silent).unwrap();
+    let draw = |camera: &Camera| Scene::named(SceneName::Natural, camera, None, 3, &Silent);
+    let scenes = ScenePair::draw(&camera, draw).unwrap();
     let options = SimulationOptions { seed: 3, noise, whites: 2 };
     // White images and facts are those of the plain capture.
     let plain =
@@ -69,14 +70,15 @@ fn simulate(sensor: usize, light: f32, footprint: f64, noise: f64, jpeg: Option<
     let plain = plain.unwrap();
     let lenslets = Lenslets::new(&camera, 3).unwrap();
     let images = MicroImages::of_capture(&camera, &lenslets);
-    let mut signal = disturb_signal(expose_scene(&images, &scene, &light_pattern(&images), &Silent).unwrap(), &camera);
+    let mut signal =
+        disturb_signal(expose_scene(&images, &scenes.gathered, &light_pattern(&images), &Silent).unwrap(), &camera);
     signal.iter_mut().for_each(|s| *s *= light);
     let mut capture = Capture { mosaic: record_mosaic(&signal, &camera, noise, 3, 0), ..plain.capture };
     if let Some(quality) = jpeg {
         save_as_jpeg(&mut capture, quality);
     }
     let Size { width, height } = output_size(&camera, (sensor * 1080 + 1640) / 3280);
-    let mut truth = true_view(&scene, &camera, view_offset([3, 3], 7, 1.0), Size::new(width, height));
+    let mut truth = true_view(&scenes.sharp, &camera, view_offset([3, 3], 7, 1.0), Size::new(width, height));
     truth *= light;
     Simulated { capture, whites: plain.whites, truth, size: Size { width, height } }
 }

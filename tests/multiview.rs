@@ -91,6 +91,11 @@ fn samples(d: impl Fn(f64, f64) -> f64 + 'static, noise: f32) -> HexSamples {
 
 const TARGET: Size = Size { width: SIDE, height: SIDE };
 
+/// The small camera measures points.
+fn of_points() -> Options {
+    Options { fit: Fit::LeastSquares, ..Options::default() }
+}
+
 /// PSNR of a view of the world, away from the border.
 fn seen(image: &Array3<f32>, world: &World, (v, u): (usize, usize)) -> f64 {
     let (du, dv) = (u as f64 - 2.0, v as f64 - 2.0);
@@ -129,7 +134,7 @@ fn without_texture_the_noise_goes_down() {
     samples.values.mapv_inplace(|_| 0.4 + 0.02 * (generator.random::<f32>() - 0.5));
     let error = |image: &Array3<f32>| image.iter().map(|v| (v - 0.4f32).powi(2)).sum::<f32>();
     let (b, _) = single(&samples, (2, 2));
-    assert!(error(&one(&samples, Options::default(), (2, 2))) < error(&b));
+    assert!(error(&one(&samples, of_points(), (2, 2))) < error(&b));
 }
 
 /// PSNR of barycentric interpolation, the cubic, and refinement, for one view of a world.
@@ -165,7 +170,7 @@ fn planted_surfaces() {
     ];
     for (name, world, noise, flat, smooth) in &all {
         for at in [(2, 2), (2, 4), (0, 0)] {
-            let [b, c, m] = compared(world, *noise, Options::default(), at);
+            let [b, c, m] = compared(world, *noise, of_points(), at);
             let told = format!("{name}, view {at:?}: barycentric {b:.2}, cubic {c:.2}, refined {m:.2} dB");
             assert!(m >= b + flat && m >= c + smooth, "{told}");
         }
@@ -178,7 +183,7 @@ fn triangulating_all_samples_gains_too_and_the_fit_more() {
     let samples = samples(plane, 0.01);
     let known = || Some(Array2::from_elem((20, 20), -0.9f32));
     let mesh = one(&samples, Options { fit: Fit::Triangulation, known: known(), ..Options::default() }, (2, 2));
-    let smooth = one(&samples, Options { known: known(), ..Options::default() }, (2, 2));
+    let smooth = one(&samples, Options { known: known(), ..of_points() }, (2, 2));
     let (b, _) = single(&samples, (2, 2));
     let [b, m, f] = [&b, &mesh, &smooth].map(|image| psnr(image, plane, (2, 2)));
     assert!(m > b + 2.0 && f > b + 2.0, "barycentric {b:.2}, triangulation {m:.2}, fit {f:.2}");
@@ -189,7 +194,7 @@ fn the_result_does_not_depend_on_threads() {
     let samples = samples(|x, _| 0.3 + 0.003 * x, 0.02);
     let run = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| one(&samples, Options::default(), (1, 3)))
+        pool.install(|| one(&samples, of_points(), (1, 3)))
     };
     assert_eq!(run(1), run(3));
 }
@@ -201,7 +206,7 @@ fn hidden_lenslets_are_foretold_better_with_the_other_views() {
         hidden_score(&samples, &TARGET, 0.1, 3, (2, 2), render).unwrap()
     };
     let alone = score(&mut |rest| Ok(single(rest, (2, 2)).0));
-    let together = score(&mut |rest| Ok(one(rest, Options::default(), (2, 2))));
+    let together = score(&mut |rest| Ok(one(rest, of_points(), (2, 2))));
     assert_eq!(alone.lenslets, together.lenslets);
     assert!(together.psnr > alone.psnr + 3.0, "{alone:?} {together:?}");
 }
@@ -218,7 +223,7 @@ fn other_tools_light_fields_gain_in_size() {
     });
     let field = LightField { meta, data };
     let set = SampleSet::rectangular(&field, &TARGET).unwrap();
-    let image = RefinedViews::estimate(set, &Options::default(), &Silent).unwrap().render_view(2, 2).unwrap();
+    let image = RefinedViews::estimate(set, &of_points(), &Silent).unwrap().render_view(2, 2).unwrap();
     let alone = bicubic::resize_bicubic(field.data.slice(s![2, 2, .., .., ..]), Size::new(SIDE, SIDE)).unwrap();
     let flat = |_: f64, _: f64| 0.0;
     let (before, after) = (psnr(&alone, flat, (2, 2)), psnr(&image, flat, (2, 2)));
@@ -317,7 +322,7 @@ fn views_that_begin_with_the_middle_one_keep_their_own_light() {
     samples.values.slice_mut(s![at.0 * 5 + at.1, .., ..]).mapv_inplace(|x| 0.85 * x + 0.06);
     let own: World = Box::new(|s, t, u, v| 0.85 * painted(|_, _| 0.83, resolved)(s, t, u, v) + 0.06);
     let joint = Options { fit: Fit::Joint(Some(SampleFootprint::Point)), ..Options::default() };
-    let (image, points) = (one(&samples, joint, at), one(&samples, Options::default(), at));
+    let (image, points) = (one(&samples, joint, at), one(&samples, of_points(), at));
     let (in_its_own, in_others, points) = (seen(&image, &own, at), seen(&image, &world, at), seen(&points, &own, at));
     println!("own light {in_its_own:.2}, the others' {in_others:.2}, least squares {points:.2}");
     assert!(in_its_own > points + 3.0 && in_its_own > in_others + 10.0, "{in_its_own:.2}, {in_others:.2}, {points:.2}");

@@ -12,7 +12,7 @@ use lenslet_core::lightfield::{ColourSpace, Linear, View, colour};
 use lenslet_core::metrics::{Scores, Window};
 use lenslet_core::progress::Silent;
 use lenslet_data_gen::simulate::{
-    self, Camera, Imperfections, Lenslets, MicroImages, Scene, SceneName, SimulationOptions,
+    self, Camera, Imperfections, Lenslets, MicroImages, Scene, SceneName, ScenePair, SimulationOptions,
 };
 use lenslet_views::multiview::{Options, RefinedViews, SampleSet};
 use lenslet_views::{Method, RenderSamples as _};
@@ -23,7 +23,7 @@ const SIDE: usize = 270;
 
 struct World {
     camera: Camera,
-    scene: Scene,
+    scenes: ScenePair,
     simulation: simulate::Simulation,
     calibration: Calibration,
 }
@@ -31,10 +31,10 @@ struct World {
 fn taken(kind: SceneName, imperfections: Imperfections, noise: f64) -> World {
     let camera = Camera { imperfections, ..Camera::with_sensor(SENSOR) };
     let options = SimulationOptions { seed: 3, noise, ..SimulationOptions::default() };
-    let scene = Scene::named(kind, &camera, None, 3, &Silent).unwrap();
-    let simulation = simulate::render_capture(&scene, &camera, &options, &Silent).unwrap();
+    let scenes = ScenePair::draw(&camera, |camera| Scene::named(kind, camera, None, 3, &Silent)).unwrap();
+    let simulation = simulate::render_capture(&scenes.gathered, &camera, &options, &Silent).unwrap();
     let calibration = calibration::calibrate(&simulation.whites, &CalibrationOptions::default(), &Silent).unwrap();
-    World { camera, scene, simulation, calibration }
+    World { camera, scenes, simulation, calibration }
 }
 
 impl World {
@@ -63,32 +63,34 @@ impl World {
         Size { width, height }
     }
 
-    /// PSNR of luminance of a linear picture of the view (v, u).
-    fn psnr(&self, view: View<Linear>, (v, u): (usize, usize)) -> f64 {
+    /// PSNR of luminance of a linear picture of the view (v, u) of a scene.
+    fn psnr(&self, view: View<Linear>, scene: &Scene, (v, u): (usize, usize)) -> f64 {
         let offset = simulate::view_offset([v, u], 7, 1.0);
         let size = simulate::output_size(&self.camera, SIDE);
-        let mut truth = simulate::true_view(&self.scene, &self.camera, offset, size);
+        let mut truth = simulate::true_view(scene, &self.camera, offset, size);
         colour::convert(&mut truth, ColourSpace::Linear, ColourSpace::Srgb);
         let view = view.encode().into_pixels();
         Scores::between(view.view(), truth.view(), &Window::without_border(12)).unwrap().psnr_y
     }
 
-    /// The middle view and (1, 5) by the cubic, the same refined, and the median error of the disparity, output pixels
-    /// a view.
+    /// The middle view and (1, 5) by the cubic against the truth that lenslets gather, the same refined against the sharp one,
+    /// and the median error of the disparity, output pixels a view.
     fn reached(&self, samples: &HexSamples) -> [f64; 5] {
         let cubic = samples.renderer(Method::cubic()).size(self.target()).prepare().unwrap();
         let set = SampleSet::hexagonal(samples, &self.target()).unwrap();
         let refined = RefinedViews::estimate(set, &Options::default(), &Silent).unwrap();
         let found = &refined.disparities().middle.disparity;
-        let truth = simulate::true_disparity(&self.scene, &self.camera, 1.0, simulate::output_size(&self.camera, SIDE));
+        let truth =
+            simulate::true_disparity(&self.scenes.sharp, &self.camera, 1.0, simulate::output_size(&self.camera, SIDE));
         let (h, w) = found.dim();
         let at = |k: usize, from: usize, to: usize| (k * to + to / 2) / from;
         let near = |(t, s): (usize, usize)| f64::from(truth[[at(t, h, truth.dim().0), at(s, w, truth.dim().1)]]);
         let mut errors: Vec<f64> = found.indexed_iter().map(|(place, d)| (f64::from(*d) - near(place)).abs()).collect();
         errors.sort_by(f64::total_cmp);
         let views = [(3, 3), (1, 5)];
-        let [c, co] = views.map(|at| self.psnr(cubic.view(at.0, at.1).unwrap(), at));
-        let [m, mo] = views.map(|at| self.psnr(View::new(refined.render_view(at.0, at.1).unwrap()), at));
+        let [c, co] = views.map(|at| self.psnr(cubic.view(at.0, at.1).unwrap(), &self.scenes.gathered, at));
+        let by_others = |at: (usize, usize)| View::new(refined.render_view(at.0, at.1).unwrap());
+        let [m, mo] = views.map(|at| self.psnr(by_others(at), &self.scenes.sharp, at));
         [c, co, m, mo, errors[errors.len() / 2]]
     }
 }

@@ -69,7 +69,7 @@ impl World {
 fn multiview_by_triangulation_and_a_rotated_raw() {
     let world = World::new("0.03");
     let barycentric = world.decoded("barycentric", &["--method", "barycentric"]);
-    let fitted = world.decoded("fitted", &["--method", "multiview"]);
+    let fitted = world.decoded("fitted", &["--method", "multiview", "--fit", "least-squares"]);
     let meshed = world.decoded("meshed", &["--method", "multiview", "--fit", "triangulation"]);
     let refined = world.at("refined");
     lenslet(&["refine", text(&world.at("barycentric")), "--fit", "triangulation", "--out", text(&refined)]);
@@ -82,7 +82,7 @@ fn multiview_by_triangulation_and_a_rotated_raw() {
     );
     assert!((refined - meshed).abs() < 0.1, "{refined} {meshed}");
     // Nearest to the scene is what takes no sample for a point.
-    world.decoded("joint", &["--method", "multiview", "--fit", "joint"]);
+    world.decoded("joint", &["--method", "multiview"]);
     let sharp = ["barycentric", "meshed", "fitted", "joint"].map(|field| world.scored_against("sharp", field));
     println!("against the sharp truth: barycentric, triangulated, fitted, joint {sharp:.2?} dB");
     assert!(sharp[3] > sharp[1].max(sharp[2]) + 0.5, "{sharp:?}");

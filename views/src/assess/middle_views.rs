@@ -95,7 +95,7 @@ impl<'a> MiddleViews<'a> {
 
     /// The refined middle view of `size`, from all samples or without those that are foretold.
     fn refined(&self, withheld: bool, fit: Fit, size: &Size, observer: &dyn Observer) -> Result<Array3<f32>, Error> {
-        if *size == self.size && fit == Fit::default() {
+        if *size == self.size && fit == Fit::LeastSquares {
             return Ok(if withheld { self.rays.refined() } else { self.rays.refined_from_all() }.to_owned());
         }
         let mut known = self.rays.disparity().clone();
@@ -122,7 +122,7 @@ mod tests {
         let views = MiddleViews::new(&samples, &rays, &size);
         let single = views.render(&Method::cubic(), &Silent).unwrap();
         assert_eq!(single.whole(), single.withheld());
-        let refined = views.render(&Method::multiview(), &Silent).unwrap();
+        let refined = views.render(&Method::multiview().fitted_by(Fit::LeastSquares), &Silent).unwrap();
         assert!(refined.whole() != refined.withheld());
         assert_eq!(refined.withheld(), rays.refined());
         // Foretelling what was seen is easier.

@@ -1,7 +1,8 @@
 //! Rays: the samples of other views, each put where its ray meets the middle view, between that view's own samples.
 //!
-//! With x = p − D(x)·u the place of the sample f at p of view u, a picture I errs by e = I(x) − f, I read by Catmull–Rom
-//! interpolation, both as sRGB-encoded luminance. D is one map for all pictures. The lenslets whose samples are foretold are
+//! With x = p − D(x)·u the place of the sample f at p of view u, a picture I errs by e = I(x) − f, I(x) its mean over a disc
+//! of one pitch around x, as a lenslet gathers it: of linear light, both then sRGB-encoded luminance. D is one map for all
+//! pictures. The lenslets whose samples are foretold are
 //! withheld from the refinement by other views ([`Rays::withheld`]); the middle view keeps all of its own. From e its local
 //! mean by view is taken out (what white images leave), and the places that the mean of two methods misses most are left
 //! out (surfaces hidden in one of the views).
@@ -12,15 +13,16 @@ use lenslet_core::geometry::Size;
 use lenslet_core::image::Plane;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::progress::Observer;
+use lenslet_core::sampling::{Footprint, sample_image};
 use ndarray::{Array2, Array3, ArrayView3};
 
 use super::nearest::NearestPlace;
-use super::picture::{encode, encoded_light, light_of, mean_of, read_between};
+use super::picture::{encode, encoded_light, light_of, linear_light, mean_of};
 use super::ray_places::{RayPlaces, sample_points, view_steps};
 use super::statistics::{Difference, SquaredErrors};
 use super::withheld::{is_withheld, refined_middle, withhold_samples};
 use crate::Error;
-use crate::multiview::{self, RefinedViews, SampleSet};
+use crate::multiview::{self, Fit, RefinedViews, SampleSet};
 use crate::renderer::InterpolatedViews;
 use crate::target::{mean_pitch, view_pitch};
 
@@ -90,7 +92,8 @@ impl Rays {
         observer.begin("rays", 0);
         let middle = samples.views / 2;
         let set = SampleSet::hexagonal(samples, size)?;
-        let all = RefinedViews::estimate(set, &multiview::Options::default(), observer)?;
+        let options = multiview::Options { fit: Fit::LeastSquares, ..multiview::Options::default() };
+        let all = RefinedViews::estimate(set, &options, observer)?;
         let refined_from_all = all.render_view(middle, middle)?;
         let disparity = all.disparities().middle.disparity.clone();
         drop(all);
@@ -109,7 +112,7 @@ impl Rays {
             refined_from_all,
             barycentric,
         };
-        rays.leave_out_hidden();
+        rays.leave_out_hidden()?;
         ensure!(
             Error::Shape,
             rays.count() >= LEAST_RAYS,
@@ -132,13 +135,13 @@ impl Rays {
         &self.withheld
     }
 
-    /// The middle view refined from [`Rays::withheld`], (t, s, c), linear light.
+    /// The middle view refined from [`Rays::withheld`] by least squares, (t, s, c), linear light.
     #[must_use]
     pub fn refined(&self) -> ArrayView3<'_, f32> {
         self.refined.view()
     }
 
-    /// The middle view refined from all samples, (t, s, c), linear light.
+    /// The middle view refined from all samples by least squares, (t, s, c), linear light.
     #[must_use]
     pub fn refined_from_all(&self) -> ArrayView3<'_, f32> {
         self.refined_from_all.view()
@@ -166,11 +169,11 @@ impl Rays {
     /// # Errors
     /// A picture of another size.
     pub fn measure(&self, picture: ArrayView3<'_, f32>) -> Result<RayErrors, Error> {
-        self.sum_errors(picture, |ray| ray.value)
+        self.sum_errors(picture, |view, k| self.views[view][k].value)
     }
 
-    /// As [`Rays::measure`], but against the picture `truth` at the rays' places: what the measure ought to tell where a
-    /// truth is known.
+    /// As [`Rays::measure`], but against what lenslets would gather of the picture `truth` at the rays' places: what the
+    /// measure ought to tell where a truth is known.
     ///
     /// # Errors
     /// Pictures of another size.
@@ -180,11 +183,16 @@ impl Rays {
         truth: ArrayView3<'_, f32>,
     ) -> Result<RayErrors, Error> {
         ensure!(Error::Shape, picture.dim() == truth.dim(), "picture and truth have other sizes");
-        let truth = encoded_light(truth);
-        self.sum_errors(picture, |ray| read_between(&truth, f64::from(ray.x), f64::from(ray.y)))
+        let truth = self.gathered(&linear_light(truth))?;
+        self.sum_errors(picture, |view, k| truth[view][k])
     }
 
-    fn sum_errors(&self, picture: ArrayView3<'_, f32>, wanted: impl Fn(&Ray) -> f32) -> Result<RayErrors, Error> {
+    /// `wanted`: given the view and the ray's number.
+    fn sum_errors(
+        &self,
+        picture: ArrayView3<'_, f32>,
+        wanted: impl Fn(usize, usize) -> f32,
+    ) -> Result<RayErrors, Error> {
         let (height, width, _) = picture.dim();
         ensure!(
             Error::Shape,
@@ -193,20 +201,31 @@ impl Rays {
             self.size.width,
             self.size.height
         );
-        let plane = encoded_light(picture);
+        let gathered = self.gathered(&linear_light(picture))?;
         let mut sums = SquaredErrors::new(self.lenslets);
-        for rays in &self.views {
-            for (ray, e) in rays.iter().zip(self.errors(&plane, rays, &wanted)) {
+        for (view, (rays, gathered)) in self.views.iter().zip(&gathered).enumerate() {
+            for (ray, e) in rays.iter().zip(self.errors(rays, gathered, |k| wanted(view, k))) {
                 sums.add(ray.lenslet as usize, e);
             }
         }
         Ok(RayErrors { sums })
     }
 
-    /// Picture minus what is wanted, without its local mean.
-    fn errors(&self, plane: &Plane, rays: &[Ray], wanted: &impl Fn(&Ray) -> f32) -> Vec<f64> {
-        let error = |r: &Ray| f64::from(read_between(plane, f64::from(r.x), f64::from(r.y)) - wanted(r));
-        let errors: Vec<f64> = rays.iter().map(error).collect();
+    /// What lenslets at the rays' places would measure of a picture's luminance in linear light, by view: its mean over a disc
+    /// of one pitch, encoded.
+    fn gathered(&self, picture: &Plane) -> Result<Vec<Vec<f32>>, Error> {
+        let pixels = ArrayView3::from_shape((picture.height, picture.width, 1), &picture.data)?;
+        let of_view = |rays: &Vec<Ray>| {
+            let places: Vec<[f64; 2]> = rays.iter().map(|r| [r.x, r.y].map(f64::from)).collect();
+            let means = sample_image(pixels, &places, Footprint::Disc(self.pitch))?;
+            Ok(means.iter().map(|m| encode(*m)).collect())
+        };
+        self.views.iter().map(of_view).collect()
+    }
+
+    /// What was gathered minus what is wanted, without its local mean.
+    fn errors(&self, rays: &[Ray], gathered: &[f32], wanted: impl Fn(usize) -> f32) -> Vec<f64> {
+        let errors: Vec<f64> = gathered.iter().enumerate().map(|(k, g)| f64::from(g - wanted(k))).collect();
         let means = self.local_means(rays, &errors);
         errors.iter().zip(means).map(|(e, m)| e - m).collect()
     }
@@ -229,12 +248,13 @@ impl Rays {
     }
 
     /// Leaves out the rays that the mean of two methods misses most, and views with few rays.
-    fn leave_out_hidden(&mut self) {
-        let neutral = self.neutral();
+    fn leave_out_hidden(&mut self) -> Result<(), Error> {
+        self.views.retain(|rays| rays.len() >= LEAST_RAYS.div_ceil(10));
+        let neutral = mean_of([&linear_light(self.barycentric.view()), &linear_light(self.refined.view())]);
+        let gathered = self.gathered(&neutral)?;
         let mut views = std::mem::take(&mut self.views);
-        views.retain(|rays| rays.len() >= LEAST_RAYS.div_ceil(10));
-        for rays in &mut views {
-            let missed: Vec<f64> = self.errors(&neutral, rays, &|r: &Ray| r.value).iter().map(|e| e.abs()).collect();
+        for (rays, gathered) in views.iter_mut().zip(&gathered) {
+            let missed: Vec<f64> = self.errors(rays, gathered, |k| rays[k].value).iter().map(|e| e.abs()).collect();
             let mut sorted = missed.clone();
             sorted.sort_unstable_by(f64::total_cmp);
             let limit = sorted[((1.0 - LEFT_OUT) * (sorted.len() - 1) as f64) as usize];
@@ -245,6 +265,7 @@ impl Rays {
             });
         }
         self.views = views;
+        Ok(())
     }
 }
 
@@ -304,7 +325,8 @@ pub(super) mod tests {
 
     use super::*;
 
-    /// 7×7 views of 30×35 lenslets of a picture on a slanted plane, D = 0.4 + 0.002 x pixels of views of 100 pixels.
+    /// 7×7 views of 30×35 lenslets, each gathering over a disc, of a picture on a slanted plane, D = 0.4 + 0.002 x pixels of views
+    /// of 100 pixels.
     pub(crate) fn slanted_samples() -> HexSamples {
         let lattice = lenslet_core::geometry::Lattice::hexagonal(10.0, 0.003, 1.0, [150.0, 150.0]);
         let points = lattice.points_within(Size { width: 300, height: 300 }, 0.0);
@@ -316,7 +338,7 @@ pub(super) mod tests {
             // x = X + D(X)·u.
             let d = |at: f64| 0.4 + 0.002 * at;
             let at = (x - 0.4 * u) / (1.0 + 0.002 * u);
-            scene(at, y - d(at) * v)
+            gathered(at, y - d(at) * v)
         });
         HexSamples {
             sensor: Size::new(300, 300),
@@ -333,6 +355,14 @@ pub(super) mod tests {
     fn scene(x: f64, y: f64) -> f32 {
         let wave = |a: f64, b: f64| (a * x + b * y).sin();
         (0.3 + 0.08 * (wave(0.5, 0.25) + wave(-0.4, 0.6) + wave(0.1, -0.75))) as f32
+    }
+
+    /// Mean of the scene over a disc of one pitch.
+    fn gathered(x: f64, y: f64) -> f32 {
+        let steps = || (-8..=8).map(|k| f64::from(k) * 10.0 / 3.0 / 17.0);
+        let within = steps().flat_map(|b| steps().map(move |a| [a, b])).filter(|[a, b]| a.hypot(*b) <= 5.0 / 3.0);
+        let values: Vec<f32> = within.map(|[a, b]| scene(x + a, y + b)).collect();
+        values.iter().sum::<f32>() / values.len() as f32
     }
 
     #[test]

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 use super::ray_places::{RayPlaces, sample_points, view_steps};
 use crate::Error;
-use crate::multiview::{self, RefinedViews, SampleSet};
+use crate::multiview::{self, Fit, RefinedViews, SampleSet};
 use crate::renderer::InterpolatedViews;
 
 /// Refinements after which withheld values stay.
@@ -51,7 +51,8 @@ pub(super) fn refined_middle(
     observer: &dyn Observer,
 ) -> Result<Array3<f32>, Error> {
     observer.check()?;
-    let options = multiview::Options { known: Some(disparity.clone()), ..multiview::Options::default() };
+    let options =
+        multiview::Options { fit: Fit::LeastSquares, known: Some(disparity.clone()), ..multiview::Options::default() };
     let refined = RefinedViews::estimate(SampleSet::hexagonal(samples, size)?, &options, observer)?;
     let middle = samples.views / 2;
     refined.render_view(middle, middle)

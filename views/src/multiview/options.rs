@@ -6,18 +6,23 @@ use crate::disparity;
 use crate::inverse::SampleFootprint;
 
 /// How the image is made of the scattered samples.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Fit {
     /// Every sample a point of the picture: weighted least-squares pixels, single-view interpolation as the prior.
-    #[default]
     LeastSquares,
     /// As in the paper: triangulate all samples, interpolate barycentrically. Takes seconds a view; kept for
     /// comparison.
     Triangulation,
     /// Every sample the mean over its footprint, the picture found by [`crate::inverse`]; views may differ from it by gain,
-    /// offset and a smooth shift, and by their light from place to place. `None`: the footprint that samples of
+    /// offset and a smooth shift, and by their light from place to place. `None` (the default): the footprint that samples of
     /// their kind usually have, a disc of one pitch for a lenslet's, the pixels of the target that it covers for a pixel.
     Joint(Option<SampleFootprint>),
+}
+
+impl Default for Fit {
+    fn default() -> Self {
+        Fit::Joint(None)
+    }
 }
 
 impl Fit {
@@ -74,7 +79,7 @@ const LEAST_ENLARGEMENT: f64 = 1.2;
 /// How views are refined.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
-    /// How the image is made of the samples; default [`Fit::LeastSquares`].
+    /// How the image is made of the samples; default [`Fit::Joint`].
     pub fit: Fit,
     /// How disparity is estimated; `range` and `limit` are in pixels of the target view per view step. The default is
     /// that of [`disparity::Options`], for linear light.

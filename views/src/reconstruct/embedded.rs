@@ -89,10 +89,7 @@ mod tests {
                 embedded_by_name(name).unwrap().unwrap().models.iter().map(|m| m.kind()).collect();
             assert_eq!(dictionary::read_kinds(bytes, name).unwrap(), kinds, "{name}");
         }
-        assert_eq!(
-            embedded_names().collect::<Vec<_>>(),
-            ["default", "multiview", "multiview-joint", "small", "x2", "x3"]
-        );
+        assert_eq!(embedded_names().collect::<Vec<_>>(), ["default", "multiview", "small", "x2", "x3"]);
         assert!(embedded_by_name("nothing").is_none());
         for base in [Interpolation::Barycentric, Interpolation::Multiview] {
             let found = embedded_dictionary_for(base).unwrap();

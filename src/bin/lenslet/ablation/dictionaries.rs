@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::{Context as _, Result};
-use lenslet_core::dictionary::{Dictionary, Footprint};
+use lenslet_core::dictionary::Dictionary;
 use lenslet_core::progress::Observer;
 use lenslet_train::{
     AnchorParameters, Coupling, DegradationParameters, DictionaryParameters, PairParameters, Parameters,
@@ -14,6 +14,7 @@ use lenslet_train::{
 
 use super::chain::Training;
 use super::photos::{TRAINING, write_photos};
+use super::render::FOOTPRINT;
 use super::settings::Settings;
 
 /// A dictionary and the seconds its training took.
@@ -77,7 +78,7 @@ fn parameters(training: &Training, seed: u64, quick: bool) -> Parameters {
         },
         refinement: RefinementParameters { epochs, ..RefinementParameters::default() },
         pairs: PairParameters { count: training.pairs, held_out: 0, ..PairParameters::default() },
-        degradation: DegradationParameters { footprints: vec![Footprint::Point], ..DegradationParameters::default() },
+        degradation: DegradationParameters { footprints: vec![FOOTPRINT], ..DegradationParameters::default() },
         anchors: AnchorParameters { count: 0, ..AnchorParameters::default() },
         seed,
         ..Parameters::default()

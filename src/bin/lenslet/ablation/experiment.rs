@@ -4,6 +4,25 @@ use std::str::FromStr;
 
 use serde::Serialize;
 
+/// What views are scored against.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Truth {
+    /// The scene as a camera without lenslets sees it: what methods are to reach.
+    Sharp,
+    /// The scene as lenslets gather it: how well samples are taken, which blur would hide.
+    Gathered,
+}
+
+impl Truth {
+    /// In words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Truth::Sharp => "the sharp truth",
+            Truth::Gathered => "the truth that lenslets gather",
+        }
+    }
+}
+
 /// One of the experiments.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -58,6 +77,16 @@ impl Experiment {
             Experiment::Vignetting => "vignetting",
             Experiment::Views => "views",
             Experiment::Peers => "peers",
+        }
+    }
+
+    /// What simulated captures are scored against: samples where those are compared, else the scene.
+    pub fn truth(self) -> Truth {
+        match self {
+            Experiment::Calibration | Experiment::Subpixel | Experiment::Demosaic | Experiment::Vignetting => {
+                Truth::Gathered
+            }
+            _ => Truth::Sharp,
         }
     }
 

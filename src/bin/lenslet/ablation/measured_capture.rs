@@ -85,7 +85,7 @@ impl MethodMeasures {
         Ok(MethodMeasures { size: *size, rays, edges, lines, barycentric })
     }
 
-    /// The refined middle view without the samples that are foretold.
+    /// The middle view refined by least squares, without the samples that are foretold.
     pub(super) fn refined_withheld(&self) -> Array3<f32> {
         self.rays.refined().to_owned()
     }

@@ -16,8 +16,10 @@ pub enum Method {
     Barycentric,
     /// A C¹ surface through the samples of one view.
     Cubic,
-    /// Section 4.3, fitted by least squares.
+    /// Section 4.3: the picture of which every sample is the mean over its lenslet.
     Multiview,
+    /// Section 4.3, the picture in which every sample is a point, by least squares.
+    MultiviewLeastSquares,
     /// Section 4.3 as in the paper: barycentric on the triangulation of the samples of all views.
     MultiviewTriangulated,
     /// Section 4.4 on the interpolation the dictionary was trained for, by one of its predictors.
@@ -52,6 +54,7 @@ impl Method {
             Method::Barycentric,
             Method::Cubic,
             Method::MultiviewTriangulated,
+            Method::MultiviewLeastSquares,
             Method::Multiview,
         ]
         .into_iter()
@@ -68,6 +71,7 @@ impl Method {
             Method::Cubic => "cubic".into(),
             Method::Multiview => "multiview".into(),
             Method::MultiviewTriangulated => "multiview, triangulated".into(),
+            Method::MultiviewLeastSquares => "multiview, least squares".into(),
             Method::Learned(predictor) => predictor.name().into(),
             Method::LearnedMultiview(predictor) => format!("{predictor} on multiview"),
         }
@@ -87,19 +91,34 @@ impl Method {
             Method::Bicubic => Some(Interpolation::Bicubic),
             Method::Barycentric => Some(Interpolation::Barycentric),
             Method::Cubic => Some(Interpolation::Cubic),
-            Method::Multiview | Method::MultiviewTriangulated => Some(Interpolation::Multiview),
+            Method::Multiview | Method::MultiviewLeastSquares | Method::MultiviewTriangulated => {
+                Some(Interpolation::Multiview)
+            }
             Method::BicubicDownsampled | Method::Learned(_) | Method::LearnedMultiview(_) => None,
         }
     }
 
     /// Whether a view is made of the samples of other views too.
     pub fn uses_other_views(self) -> bool {
-        matches!(self, Method::Multiview | Method::MultiviewTriangulated | Method::LearnedMultiview(_))
+        self.interpolation() == Some(Interpolation::Multiview) || matches!(self, Method::LearnedMultiview(_))
     }
 
     /// How multi-view samples become pixels.
     pub fn fit(self) -> Fit {
-        if self == Method::MultiviewTriangulated { Fit::Triangulation } else { Fit::LeastSquares }
+        match self {
+            Method::MultiviewTriangulated => Fit::Triangulation,
+            Method::MultiviewLeastSquares => Fit::LeastSquares,
+            _ => Fit::default(),
+        }
+    }
+
+    /// Multi-view by this fit.
+    pub fn multiview_by(fit: Fit) -> Method {
+        match fit {
+            Fit::Triangulation => Method::MultiviewTriangulated,
+            Fit::LeastSquares => Method::MultiviewLeastSquares,
+            Fit::Joint(_) => Method::Multiview,
+        }
     }
 
     /// Whether a view takes seconds even on a small sensor; quick runs leave these methods out.

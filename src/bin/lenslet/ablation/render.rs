@@ -12,11 +12,15 @@ use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::View;
 use lenslet_core::progress::Observer;
+use lenslet_views::multiview::Fit;
 use lenslet_views::{InterpolatedViews, LearnedViews, multiview, reconstruct};
 use ndarray::Array3;
 
 use super::downsampled::downsampled_views;
 use super::method::Method;
+
+/// What a sample is: the truth is sharp, of which a lenslet sees the mean over its disc.
+pub(super) const FOOTPRINT: Footprint = Footprint::Lenslet;
 
 /// Views of linear light, and the seconds they took.
 pub(super) struct Rendered {
@@ -69,14 +73,10 @@ pub(super) fn keep_views(kept: &mut HashMap<String, Rendered>, steps: &str, meth
 
 /// The method whose views a learned method starts from; of any other method itself.
 fn base(method: Method, dictionary: Option<&Dictionary>) -> Result<Method> {
-    let trained_on = || {
-        let model =
-            dictionary.and_then(|d| d.model(Footprint::Point)).context("a learned method needs a dictionary")?;
-        Ok(Method::from(model.base))
-    };
+    let trained_on = || dictionary.and_then(|d| d.model(FOOTPRINT)).context("a learned method needs a dictionary");
     match method {
-        Method::LearnedMultiview(_) => Ok(Method::Multiview),
-        Method::Learned(_) => trained_on(),
+        Method::LearnedMultiview(_) => Ok(Method::multiview_by(Fit::for_dictionary(trained_on()?.footprint))),
+        Method::Learned(_) => Ok(Method::from(trained_on()?.base)),
         _ => Ok(method),
     }
 }
@@ -147,9 +147,8 @@ fn reconstruct_views(
     (dictionary, predictor): (&Dictionary, PatchPredictor),
     observer: &dyn Observer,
 ) -> Result<Vec<Array3<f32>>> {
-    // The truth is what a lenslet sees, so a sample is the truth at a point.
     let mode = reconstruct::Mode::Only(predictor);
-    let options = reconstruct::Options { mode, footprint: Footprint::Point, ..reconstruct::Options::default() };
+    let options = reconstruct::Options { mode, footprint: FOOTPRINT, ..reconstruct::Options::default() };
     let interpolation = base.interpolation().context("learned reconstruction starts from interpolated views")?;
     let learned = LearnedViews::prepare(samples, interpolation, target, dictionary, &options, observer)?;
     low.iter()

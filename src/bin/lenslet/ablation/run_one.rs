@@ -98,7 +98,8 @@ fn run_simulated(
         let centres: Vec<[f64; 2]> = calibration.lenslets.iter().map(|l| [l.x, l.y]).collect();
         scored.scores.insert("centres_rms".into(), scores::centres_rms(&centres, &capture.simulation.centres));
     }
-    let truths: Vec<Array3<f32>> = wanted.iter().map(|&(v, u)| capture.truth(v, u, n).clone()).collect();
+    let truth = run.experiment.truth();
+    let truths: Vec<Array3<f32>> = wanted.iter().map(|&(v, u)| capture.truth(truth, v, u, n).clone()).collect();
     scores::score_against_truth(&images, &truths, &mut scored.scores)?;
     if let SimulatedScene::Drawn(SceneName::Chart | SceneName::Flat | SceneName::Slanted) = kind {
         let steps = ((n - 1 - middle) as f64, 0.0);
@@ -106,10 +107,10 @@ fn run_simulated(
     }
     let chart = kind == SceneName::Chart.into();
     if chart {
-        scores::score_chart(&images[0], &truths[0], &capture.scene.regions, capture.pitch(), &mut scored.scores);
+        scores::score_chart(&images[0], &truths[0], &capture.scenes.sharp.regions, capture.pitch(), &mut scored.scores);
     }
     if run.seed == 1 {
-        let crop = crops::corner_in_scene(chart, &capture.scene.regions, capture.size);
+        let crop = crops::corner_in_scene(chart, &capture.scenes.sharp.regions, capture.size);
         scored.pictures = crops::save_crops(out, &run.key(), &images[0], Some(&truths[0]), crop)?;
     }
     Ok(scored)
@@ -152,7 +153,7 @@ fn run_captured(
         let methods = measured.method_measures(path, samples, &target, observer)?;
         let mut again = |steps: &str, samples: &HexSamples| -> Result<Array3<f32>> {
             if steps == WITHHELD {
-                keep_views(kept, steps, Method::Multiview, vec![methods.refined_withheld()]);
+                keep_views(kept, steps, Method::MultiviewLeastSquares, vec![methods.refined_withheld()]);
             }
             let mut made = render((steps, samples), &target, chain.method, &wanted, dictionary, kept, observer)?;
             made.images.pop().context("no view was rendered")

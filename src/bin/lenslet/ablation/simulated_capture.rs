@@ -8,10 +8,11 @@ use lenslet_core::calibration::{self, Calibration, CalibrationVariant};
 use lenslet_core::geometry::Size;
 use lenslet_core::lightfield::{ColourSpace, colour};
 use lenslet_core::progress::Observer;
-use lenslet_data_gen::simulate::{self, Camera, Scene, Simulation, SimulationOptions};
+use lenslet_data_gen::simulate::{self, Camera, ScenePair, Simulation, SimulationOptions};
 use ndarray::{Array2, Array3};
 
 use super::dictionaries::TrainedDictionaries;
+use super::experiment::Truth;
 use super::settings::Settings;
 use super::simulated_scene::SimulatedScene;
 
@@ -31,12 +32,13 @@ struct Key {
 pub(super) struct SimulatedCapture {
     key: Key,
     pub(super) camera: Camera,
-    pub(super) scene: Scene,
+    /// Captured as lenslets gather it.
+    pub(super) scenes: ScenePair,
     pub(super) simulation: Simulation,
     /// Views (width, height).
     pub(super) size: Size,
     calibrations: HashMap<&'static str, Calibration>,
-    truths: HashMap<(usize, usize, usize), Array3<f32>>,
+    truths: HashMap<(Truth, usize, usize, usize), Array3<f32>>,
 }
 
 /// The captures of a call, and the dictionaries trained for them.
@@ -90,14 +92,14 @@ impl SimulatedCapture {
     fn new(key: Key, sensor: usize, size: usize, noise: f64, observer: &dyn Observer) -> Result<SimulatedCapture> {
         // Another camera for every seed.
         let camera = Camera::with_sensor(sensor).perturbed(key.seed);
-        let scene = key.kind.draw(&camera, key.seed, observer)?;
+        let scenes = key.kind.draw(&camera, key.seed, observer)?;
         let options = SimulationOptions { seed: key.seed, noise, whites: 2 };
-        let simulation = simulate::render_capture(&scene, &camera, &options, observer)?;
+        let simulation = simulate::render_capture(&scenes.gathered, &camera, &options, observer)?;
         let size = simulate::output_size(&camera, size);
         Ok(SimulatedCapture {
             key,
             camera,
-            scene,
+            scenes,
             simulation,
             size,
             calibrations: HashMap::new(),
@@ -116,10 +118,14 @@ impl SimulatedCapture {
     }
 
     /// The true view in row v and column u of n×n, sRGB-encoded.
-    pub(super) fn truth(&mut self, v: usize, u: usize, n: usize) -> &Array3<f32> {
-        self.truths.entry((v, u, n)).or_insert_with(|| {
+    pub(super) fn truth(&mut self, truth: Truth, v: usize, u: usize, n: usize) -> &Array3<f32> {
+        self.truths.entry((truth, v, u, n)).or_insert_with(|| {
+            let scene = match truth {
+                Truth::Sharp => &self.scenes.sharp,
+                Truth::Gathered => &self.scenes.gathered,
+            };
             let offset = simulate::view_offset([v, u], n, 1.0);
-            let mut view = simulate::true_view(&self.scene, &self.camera, offset, self.size);
+            let mut view = simulate::true_view(scene, &self.camera, offset, self.size);
             colour::convert(&mut view, ColourSpace::Linear, ColourSpace::Srgb);
             view
         })
@@ -127,7 +133,7 @@ impl SimulatedCapture {
 
     /// True disparity of the middle view.
     pub(super) fn disparity(&self) -> Array2<f32> {
-        simulate::true_disparity(&self.scene, &self.camera, 1.0, self.size)
+        simulate::true_disparity(&self.scenes.sharp, &self.camera, 1.0, self.size)
     }
 
     /// Output pixels between neighbouring lenslets.

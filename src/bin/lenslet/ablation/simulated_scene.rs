@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use lenslet_core::progress::Observer;
-use lenslet_data_gen::simulate::{self, Camera, Scene, SceneName};
+use lenslet_data_gen::simulate::{self, Camera, Scene, SceneName, ScenePair};
 use serde::{Serialize, Serializer};
 
 use super::photos::{SCORED, write_photos};
@@ -25,18 +25,21 @@ impl SimulatedScene {
         }
     }
 
-    /// The scene under a seed.
+    /// The scene under a seed, as lenslets gather it and sharp.
     ///
     /// # Errors
     /// As [`Scene::named`], or photographs that cannot be written.
-    pub fn draw(self, camera: &Camera, seed: u64, observer: &dyn Observer) -> Result<Scene> {
+    pub fn draw(self, camera: &Camera, seed: u64, observer: &dyn Observer) -> Result<ScenePair> {
         match self {
-            SimulatedScene::Drawn(scene) => Ok(Scene::named(scene, camera, None, seed, observer)?),
+            SimulatedScene::Drawn(scene) => {
+                Ok(ScenePair::draw(camera, |camera| Scene::named(scene, camera, None, seed, observer))?)
+            }
             SimulatedScene::Photos => {
                 let (mut files, _folder) = write_photos(&SCORED)?;
                 let first = (seed % files.len() as u64) as usize;
                 files.rotate_left(first);
-                Ok(simulate::photo_scene(&files, camera, None, seed, observer)?)
+                let draw = |camera: &Camera| simulate::photo_scene(&files, camera, None, seed, observer);
+                Ok(ScenePair::draw(camera, draw)?)
             }
         }
     }

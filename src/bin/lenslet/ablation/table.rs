@@ -207,7 +207,10 @@ fn table(experiment: Experiment, records: &[&Record]) -> Option<Table> {
     failures.dedup();
     Some(Table {
         experiment: experiment.name().to_owned(),
-        question: experiment.question().to_owned(),
+        question: match experiment {
+            Experiment::Peers => experiment.question().to_owned(),
+            _ => format!("{} Simulated captures: against {}.", experiment.question(), experiment.truth().name()),
+        },
         columns: columns.iter().map(|s| s.name.to_owned()).collect(),
         rows: rows
             .into_iter()

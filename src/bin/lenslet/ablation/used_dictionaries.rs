@@ -3,12 +3,13 @@
 use std::sync::Arc;
 
 use anyhow::Result;
-use lenslet_core::dictionary::{self, Dictionary, Footprint};
+use lenslet_core::dictionary::{self, Dictionary};
 use lenslet_core::digest::sha256_hex;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_views::reconstruct::embedded_dictionary_for;
 
 use super::method::Method;
+use super::render::FOOTPRINT;
 
 /// A dictionary and its hash.
 #[derive(Debug)]
@@ -54,7 +55,7 @@ impl UsedDictionaries {
     /// Whether the method's dictionary holds its predictor, or it needs none.
     pub(super) fn can(&self, method: Method) -> bool {
         let Some(predictor) = method.predictor() else { return true };
-        let model = self.of(method).and_then(|d| d.dictionary.model(Footprint::Point));
+        let model = self.of(method).and_then(|d| d.dictionary.model(FOOTPRINT));
         model.is_some_and(|m| m.patch_model.has(predictor))
     }
 }

@@ -58,7 +58,7 @@ pub struct Args {
     /// Interpolation that learned reconstruction starts from: barycentric, cubic or multiview
     #[arg(long, value_name = "METHOD")]
     base: Option<Interpolation>,
-    /// How multi-view samples become pixels [default: least-squares, or what the dictionary was made for]
+    /// How multi-view samples become pixels [default: joint, or what the dictionary was made for]
     #[arg(long, value_enum)]
     fit: Option<FitName>,
     /// Views a row and a column (odd, up to 15)

@@ -1,5 +1,5 @@
-//! `lenslet demo`: simulates a capture, calibrates, decodes, runs every method, scores them against the simulated
-//! truth.
+//! `lenslet demo`: simulates a capture, calibrates, decodes, runs every method, scores them against the sharp
+//! simulated truth.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -10,6 +10,7 @@ use crate::report::embedded::{self, Crop};
 use anyhow::Context as _;
 use lenslet_core::calibration;
 use lenslet_core::decode::{self, HexSamples};
+use lenslet_core::dictionary::Footprint;
 use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{ColourSpace, View, colour};
@@ -37,7 +38,7 @@ mod results;
 Example: lenslet demo --out lenslet-demo
 
 Simulates a capture with its white images, calibrates from these, decodes 7x7 views, reconstructs them by every method,
-scores each against the simulated truth, and makes a page to refocus and look around in. Writes report.html, viewer.html,
+scores each against the sharp truth, and makes a page to refocus and look around in. Writes report.html, viewer.html,
 comparison.png, refocus.png, pictures/, camera.calib and simulated/.")]
 pub struct Args {
     /// Directory to write
@@ -68,9 +69,8 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let options = SimulationOptions { seed: args.seed, ..SimulationOptions::default() };
     let draw = |camera: &Camera| Scene::named(SceneName::Natural, camera, None, args.seed, observer);
     let scenes = ScenePair::draw(&camera, draw).map_err(super::simulate::usage_or_failure)?;
-    let scene = &scenes.gathered;
-    let simulation =
-        simulate::render_capture(scene, &camera, &options, observer).map_err(super::simulate::usage_or_failure)?;
+    let simulation = simulate::render_capture(&scenes.gathered, &camera, &options, observer)
+        .map_err(super::simulate::usage_or_failure)?;
     let size = simulate::output_size(&camera, args.size);
     let truth_options = TruthOptions { views: VIEWS, view_step: 1.0, size: args.size };
     simulate::write_simulation(
@@ -87,7 +87,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let truth: Vec<_> = SCORED
         .iter()
         .map(|&(v, u)| {
-            let mut view = simulate::true_view(scene, &camera, simulate::view_offset([v, u], VIEWS, 1.0), size);
+            let mut view = simulate::true_view(&scenes.sharp, &camera, simulate::view_offset([v, u], VIEWS, 1.0), size);
             colour::convert(&mut view, ColourSpace::Linear, ColourSpace::Srgb);
             view
         })
@@ -157,13 +157,14 @@ fn reconstruct(samples: &HexSamples, target: &Size, observer: &dyn Observer) -> 
     }
     for interpolation in [Interpolation::Barycentric, Interpolation::Multiview] {
         let dictionary = reconstruct::embedded_dictionary_for(interpolation)?;
-        let footprint = reconstruct::Options::default().footprint;
+        // The truth is sharp, of which a sample is the mean over its lenslet.
+        let footprint = Footprint::Lenslet;
         let predictors =
             dictionary.model(footprint).context("an embedded dictionary is empty")?.patch_model.predictors();
         for predictor in predictors {
             let began = Instant::now();
             let mode = reconstruct::Mode::Only(predictor);
-            let options = reconstruct::Options { mode, ..reconstruct::Options::default() };
+            let options = reconstruct::Options { mode, footprint, ..reconstruct::Options::default() };
             let prepared = LearnedViews::prepare(samples, interpolation, target, &dictionary, &options, observer)?;
             observer.begin(predictor.name(), SCORED.len() as u64);
             let mut views = Vec::new();

@@ -39,7 +39,7 @@ pub struct Args {
     /// Factor by which the views are enlarged, 1 to 8 (default: 1 where there are measured samples, else 2)
     #[arg(value_parser = super::values::finite::<f64>, long, value_name = "N")]
     scale: Option<f64>,
-    /// How the samples become pixels (default: joint where views of a light field are enlarged, else least-squares)
+    /// How the samples become pixels (default: joint; least-squares for a light field that is not enlarged)
     #[arg(long, value_enum)]
     fit: Option<FitName>,
     /// What a sample averages, for the joint fit (default: box, the pixels of the result that it covers; of measured
