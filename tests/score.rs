@@ -111,3 +111,30 @@ fn aligned_results_of_another_size_can_be_scored() {
     assert!((scores["alignment"]["affine"][0].as_f64().unwrap() - 0.75).abs() < 1e-3);
     assert!((scores["alignment"]["gain"][1][0].as_f64().unwrap() - 1.25).abs() < 0.01);
 }
+
+#[test]
+fn sharp_views_are_told_the_sharp_truth() {
+    let dir = tempfile::tempdir().unwrap();
+    let field = |name: &str, step: Value| {
+        let mut meta = Meta::new([1, 1], [24, 30], 3, ColourSpace::Srgb);
+        meta.provenance.push(step);
+        let mut sink = create(&dir.path().join(name), meta, Format::Directory, false).unwrap();
+        sink.write(0, 0, &Array3::from_elem((24, 30, 3), 0.5)).unwrap();
+        sink.finish().unwrap();
+    };
+    field("joint", serde_json::json!({"command": "decode", "fit": "joint"}));
+    field("points", serde_json::json!({"command": "decode", "fit": "least-squares"}));
+    for truth in ["gathered", "sharp"] {
+        field(truth, serde_json::json!({"tool": "lenslet simulate", "truth": truth}));
+    }
+    for (result, truth, noted) in [
+        ("joint", "gathered", true),
+        ("joint", "sharp", false),
+        ("points", "gathered", false),
+        ("points", "sharp", false),
+    ] {
+        let output = lenslet().current_dir(dir.path()).args(["score", result, truth]).output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.success() && said.contains("truth/sharp") == noted, "{result}, {truth}: {said}");
+    }
+}

@@ -181,12 +181,13 @@ pub fn least_margins(name: &str) -> &'static [Least] {
         ],
         // Against the sharp truth.
         "multiview" => &[
-            ("LASSO", "no codes", [0.02, 0.09]),
-            ("anchored", "no codes", [0.08, 0.1]),
-            ("ridge", "no codes", [0.02, 0.0]),
-            ("network", "no codes", [0.36, 0.48]),
-            ("network", "LASSO", [0.33, 0.39]),
-            ("network", "multiview", [0.37, 0.48]),
+            ("LASSO", "no codes", [0.02, 0.05]),
+            ("anchored", "no codes", [0.04, 0.05]),
+            // On photographs it lowers the score, by 0.01 dB.
+            ("ridge", "no codes", [0.05, -0.02]),
+            ("network", "no codes", [0.37, 0.30]),
+            ("network", "LASSO", [0.35, 0.25]),
+            ("network", "multiview", [0.38, 0.29]),
         ],
         "x2" => &[
             ("LASSO", "bicubic", [0.59, 0.74]),

@@ -72,16 +72,16 @@ pub fn write_simulation(
     write_part(&path, &text).map_err(|e| Error::Write { path, reason: e.to_string() })?;
 
     observer.begin("truth", 2 * (truth.views * truth.views) as u64);
-    write_views(&folder.join("views"), scene, camera, options.seed, truth, observer)?;
-    write_views(&folder.join("sharp"), &scenes.sharp, camera, options.seed, truth, observer)?;
+    write_views(&folder.join("views"), (scene, "gathered"), camera, options.seed, truth, observer)?;
+    write_views(&folder.join("sharp"), (&scenes.sharp, "sharp"), camera, options.seed, truth, observer)?;
     pending.commit()?;
     Ok(())
 }
 
-/// The true views of a scene as a light field.
+/// The true views of a scene, sharp or as lenslets gather it, as a light field.
 fn write_views(
     to: &Path,
-    scene: &Scene,
+    (scene, seen): (&Scene, &str),
     camera: &Camera,
     seed: u64,
     truth: &TruthOptions,
@@ -92,6 +92,7 @@ fn write_views(
     meta.method = Some(ViewOrigin::Truth);
     meta.provenance.push(json!({
         "tool": "lenslet simulate", "version": env!("CARGO_PKG_VERSION"), "scene": scene.name, "seed": seed,
+        "truth": seen,
     }));
     let mut sink = lightfield::create(to, meta, Format::Directory, false)?;
     for v in 0..n {

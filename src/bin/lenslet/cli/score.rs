@@ -54,6 +54,9 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let result = args.read.open(&args.result, context)?;
     let reference = args.read.open(&args.reference, context)?;
     comparable(result.as_ref(), reference.as_ref(), args)?;
+    if let Some(note) = note_of_gathered_truth(result.meta(), reference.meta(), &args.reference) {
+        context.progress.note(&note);
+    }
     let window = Window::without_border(args.border).with_ssim(args.ssim.into());
     let both_linear = [&result, &reference].iter().all(|l| l.meta().colour == ColourSpace::Linear);
     let [rows, columns] = result.meta().views;
@@ -129,6 +132,20 @@ fn comparable(result: &dyn ViewSource, reference: &dyn ViewSource, args: &Args) 
         return Err(Usage(format!("--border {} leaves nothing of {width}x{height} pixels", args.border)).into());
     }
     Ok(())
+}
+
+/// What to say where sharp views are compared with what lenslets gather of the scene.
+fn note_of_gathered_truth(result: &lightfield::Meta, reference: &lightfield::Meta, path: &Path) -> Option<String> {
+    let names = |step: &Value, key: &str, value: &str| step[key] == value;
+    let gathered = reference.provenance.iter().any(|step| names(step, "truth", "gathered"));
+    let sharp = result.provenance.iter().any(|step| names(step, "fit", "joint") || names(step, "footprint", "lenslet"));
+    (gathered && sharp).then(|| {
+        format!(
+            "{} is the scene blurred as lenslets gather it; these views are made to reach the sharp one and score less here: compare \
+             them with truth/sharp beside it",
+            path.display()
+        )
+    })
 }
 
 /// Places that either of them lacks.
