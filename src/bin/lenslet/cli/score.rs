@@ -19,7 +19,7 @@ use super::{Context, Outcome, Usage};
 /// Score a light field (or picture) against a reference: PSNR of colour and luminance, SSIM of luminance
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Example: lenslet score decoded/ truth/views/ --border 12
+Example: lenslet score decoded/ truth/sharp/ --border 12
 
 Values are compared as sRGB-encoded 0..1 (two linear light fields: as they are). `mean` is the mean over views of
 each view's score. A view equal to its reference has no finite PSNR: it is null, marked `identical`, and left out of

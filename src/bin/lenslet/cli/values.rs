@@ -102,7 +102,7 @@ named_values! {
 named_values! {
     /// `--fit`: how multi-view samples become pixels.
     FitName => Fit {
-        /// Pixels that fit all samples best
+        /// Every sample a point; the pixels that fit all of them best
         LeastSquares => Fit::LeastSquares,
         /// As printed in the paper: all samples triangulated, the pixels between them interpolated barycentrically
         Triangulation => Fit::Triangulation,
