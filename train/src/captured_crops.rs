@@ -20,6 +20,7 @@ use lenslet_data_gen::simulate::{self, Camera, LensletGrid, Lenslets, Scene, Sce
 use ndarray::{Array2, s};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
+use rayon::prelude::*;
 
 use crate::error::Error;
 use crate::parameters::Parameters;
@@ -72,32 +73,63 @@ pub fn captured_crops(
     for k in (1..train.len()).rev() {
         train.swap(k, rng.random_range(0..=k));
     }
-    let drawn = train.len() / 2;
-    observer.begin("captures", (train.len() + held_out.len().div_ceil(2) + drawn) as u64);
-    let sets = [(&train, &mut data.train, 2 * parameters.pairs.crops, 1), (&held_out, &mut data.held_out, 1, 2)];
-    for (set, crops, count, every) in sets {
+    let mut jobs = Vec::new();
+    for (set, trains, count, every) in [(&train, true, 2 * parameters.pairs.crops, 1), (&held_out, false, 1, 2)] {
         for k in (0..set.len()).step_by(every) {
-            observer.check()?;
-            let scene: Vec<PathBuf> = (0..PHOTOS.min(set.len())).map(|j| set[(k + j) % set.len()].1.clone()).collect();
-            let index = set[k].0;
-            let draw = |camera: &Camera, disparity, seed| {
-                simulate::photo_scene(&scene, camera, Some(disparity), seed, &Silent)
-            };
-            let failed = |e: CaptureError| Error::Crops(format!("a simulated capture of {}: {e}", scene[0].display()));
-            crops.extend(capture(&draw, index, count, footprint, parameters).map_err(failed)?);
-            observer.advance(1);
+            let scene = (0..PHOTOS.min(set.len())).map(|j| set[(k + j) % set.len()].1.clone()).collect();
+            jobs.push(Job { shown: Shown::Photos(scene), index: set[k].0, count, trains });
         }
     }
-    for (k, kind) in SceneName::of_use(DRAWN).collect::<Vec<_>>().into_iter().cycle().take(drawn).enumerate() {
-        observer.check()?;
-        let draw = |camera: &Camera, disparity, seed| Scene::named(kind, camera, Some(disparity), seed, &Silent);
-        let failed = |e: CaptureError| Error::Crops(format!("a simulated capture of the scene {}: {e}", kind.name()));
-        let index = AFTER_PHOTOS + k;
+    let kinds = SceneName::of_use(DRAWN).collect::<Vec<_>>().into_iter().cycle();
+    for (k, kind) in kinds.take(train.len() / 2).enumerate() {
         let count = 2 * parameters.pairs.crops;
-        data.train.extend(capture(&draw, index, count, footprint, parameters).map_err(failed)?);
+        jobs.push(Job { shown: Shown::Drawn(kind), index: AFTER_PHOTOS + k, count, trains: true });
+    }
+    observer.begin("captures", jobs.len() as u64);
+    let taken = jobs.par_iter().map(|job| {
+        observer.check()?;
+        let crops = job.take(footprint, parameters)?;
         observer.advance(1);
+        Ok(crops)
+    });
+    // In the order of the jobs, whoever took them.
+    for (job, crops) in jobs.iter().zip(taken.collect::<Vec<Result<_, Error>>>()) {
+        if job.trains { &mut data.train } else { &mut data.held_out }.extend(crops?);
     }
     Ok(data)
+}
+
+/// What stands before the camera of a capture.
+enum Shown {
+    /// Photos at several depths, the first in the background.
+    Photos(Vec<PathBuf>),
+    Drawn(SceneName),
+}
+
+/// A capture to be taken.
+struct Job {
+    shown: Shown,
+    /// Of its random numbers.
+    index: usize,
+    /// Crops that are cut.
+    count: usize,
+    /// Whether they train, or are held out.
+    trains: bool,
+}
+
+impl Job {
+    fn take(&self, footprint: Footprint, parameters: &Parameters) -> Result<Vec<Crop>, Error> {
+        let draw = |camera: &Camera, disparity, seed| match &self.shown {
+            Shown::Photos(photos) => simulate::photo_scene(photos, camera, Some(disparity), seed, &Silent),
+            Shown::Drawn(kind) => Scene::named(*kind, camera, Some(disparity), seed, &Silent),
+        };
+        capture(&draw, self.index, self.count, footprint, parameters).map_err(|e| {
+            Error::Crops(match &self.shown {
+                Shown::Photos(photos) => format!("a simulated capture of {}: {e}", photos[0].display()),
+                Shown::Drawn(kind) => format!("a simulated capture of the scene {}: {e}", kind.name()),
+            })
+        })
+    }
 }
 
 /// Errors of capturing a scene and cutting crops.
