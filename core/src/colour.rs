@@ -56,6 +56,18 @@ pub fn luminance(picture: ArrayView3<'_, f32>) -> Array2<f32> {
     }
 }
 
+/// Luminance of one pixel in linear light: R, G and B weighted by [`LUMINANCE_OF_LINEAR`].
+///
+/// ```
+/// use lenslet_core::colour::luminance_of_linear;
+/// assert_eq!(luminance_of_linear([0.0, 1.0, 0.0]), 0.7152);
+/// ```
+#[must_use]
+#[inline(always)]
+pub fn luminance_of_linear([r, g, b]: [f32; 3]) -> f32 {
+    LUMINANCE_OF_LINEAR[0] * r + LUMINANCE_OF_LINEAR[1] * g + LUMINANCE_OF_LINEAR[2] * b
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,13 +1,13 @@
 //! Luminance of pictures, reads between its pixels, smoothing.
 
-use lenslet_core::colour::{LUMINANCE_OF_LINEAR, srgb_encode};
+use lenslet_core::colour::{luminance_of_linear, srgb_encode};
 use lenslet_core::geometry::Size;
 use lenslet_core::image::{GaussianFilter, Plane, catmull_rom_weights};
 use ndarray::{ArrayView1, ArrayView3};
 
 /// Luminance of one value in linear light, of three channels or one.
 pub(super) fn light_of(value: ArrayView1<'_, f32>) -> f32 {
-    if value.len() == 3 { (0..3).map(|c| LUMINANCE_OF_LINEAR[c] * value[c]).sum() } else { value[0] }
+    if value.len() == 3 { luminance_of_linear([value[0], value[1], value[2]]) } else { value[0] }
 }
 
 /// sRGB-encoded, clamped to what a screen shows.

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use lenslet_core::colour::{LUMINANCE_OF_LINEAR, srgb_encode};
+use lenslet_core::colour::{LUMINANCE_OF_LINEAR, luminance_of_linear, srgb_encode};
 use lenslet_core::geometry::Size;
 use lenslet_core::image::box_mean;
 
@@ -270,10 +270,10 @@ fn solve_with<const N: usize>(problem: &Problem<'_>, start: Vec<Vec<f32>>, optio
         // Noise of colours is many times that of luminance, so that each has a prior of its own.
         map_pixels(&mut right, opponent);
         map_pixels(&mut planes, opponent);
+        let of_contrast = density * options.place_error * options.place_error;
         let (mut a, mut b) = (vec![0f32; grid.pixels()], vec![0f32; grid.pixels()]);
         for (l, (plane, right)) in planes.iter_mut().zip(&right).enumerate() {
             let variance = (1.4826 * noise[l]).powi(2) + density * SYSTEMATIC * SYSTEMATIC;
-            let of_contrast = density * options.place_error * options.place_error;
             let edges = guide.edge_weights(problem, [variance, of_contrast], options);
             let mut diagonal = of_samples.clone();
             edges.add_diagonal(&mut diagonal);
@@ -295,15 +295,10 @@ fn solve_with<const N: usize>(problem: &Problem<'_>, start: Vec<Vec<f32>>, optio
     Solution { planes, residual, smooth }
 }
 
-#[inline(always)]
-fn luminance([r, g, b]: [f32; 3]) -> f32 {
-    LUMINANCE_OF_LINEAR[0] * r + LUMINANCE_OF_LINEAR[1] * g + LUMINANCE_OF_LINEAR[2] * b
-}
-
 /// Luminance, and how much more red and blue are.
 #[inline(always)]
 fn opponent([r, g, b]: [f32; 3]) -> [f32; 3] {
-    let light = luminance([r, g, b]);
+    let light = luminance_of_linear([r, g, b]);
     [light, r - light, b - light]
 }
 
@@ -335,7 +330,7 @@ struct Guide {
 impl Guide {
     fn of(planes: &[Vec<f32>], linear: bool) -> Self {
         let light = |k: usize| match planes {
-            [r, g, b] => luminance([r[k], g[k], b[k]]),
+            [r, g, b] => luminance_of_linear([r[k], g[k], b[k]]),
             [grey, ..] => grey[k],
             [] => 0.0,
         };

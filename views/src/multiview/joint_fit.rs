@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use lenslet_core::colour::LUMINANCE_OF_LINEAR;
+use lenslet_core::colour::luminance_of_linear;
 use lenslet_core::geometry::Size;
 use lenslet_core::image::{Cell, bilinear_by_differences};
 use lenslet_core::progress::Observer;
@@ -121,9 +121,7 @@ impl JointFit {
             Kind::Encoded => Vec::new(),
             Kind::Linear => {
                 let grey = set.channels() == 1;
-                let light = |f: &[f32; 4]| {
-                    if grey { f[0] } else { (0..3).map(|c| LUMINANCE_OF_LINEAR[c] * f[c]).sum() }
-                };
+                let light = |&[r, g, b, _]: &[f32; 4]| if grey { r } else { luminance_of_linear([r, g, b]) };
                 set.lanes.iter().map(|f| encoding_slope(light(f))).collect()
             }
         };

@@ -136,9 +136,8 @@ fn comparable(result: &dyn ViewSource, reference: &dyn ViewSource, args: &Args) 
 
 /// What to say where sharp views are compared with what lenslets gather of the scene.
 fn note_of_gathered_truth(result: &lightfield::Meta, reference: &lightfield::Meta, path: &Path) -> Option<String> {
-    let names = |step: &Value, key: &str, value: &str| step[key] == value;
-    let gathered = reference.provenance.iter().any(|step| names(step, "truth", "gathered"));
-    let sharp = result.provenance.iter().any(|step| names(step, "fit", "joint") || names(step, "footprint", "lenslet"));
+    let gathered = reference.provenance.iter().any(|step| step["truth"] == "gathered");
+    let sharp = result.provenance.iter().any(|step| step["fit"] == "joint" || step["footprint"] == "lenslet");
     (gathered && sharp).then(|| {
         format!(
             "{} is the scene blurred as lenslets gather it; these views are made to reach the sharp one and score less here: compare \
