@@ -14,7 +14,7 @@ use lenslet_core::image::GaussianFilter;
 use lenslet_core::lightfield::{self, ColourSpace, ReadOptions, colour};
 use lenslet_core::metrics;
 use lenslet_core::progress::Silent;
-use lenslet_data_gen::simulate::{self, Camera, Lenslets, Scene, SceneName, ScenePair, Simulation, SimulationOptions};
+use lenslet_data_gen::simulate::{self, Camera, Imperfections, Lenslets, Scene, SceneName, ScenePair, Simulation, SimulationOptions};
 use lenslet_views::reconstruct::{self, Mode};
 use lenslet_views::{Learned, Method, RenderSamples as _};
 use ndarray::{Array2, Array3, s};
@@ -229,6 +229,26 @@ fn lenslets_gather_the_sharp_scene() {
         change += squares(&channel(&gathered), &channel(&sharp));
     }
     assert!(error < 0.02 * change, "blurred, the sharp truth is what lenslets gather: {error} of {change}");
+}
+
+#[test]
+fn every_imperfection_is_written_and_read_again() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    for name in Imperfections::NAMES {
+        let folder = at(name);
+        let base = ["simulate", "--scene", "white", "--sensor", "220", "--size", "60", "--views", "1"];
+        let out = lenslet(&[&base[..], &["--optics", name, "--out", &folder]].concat());
+        assert!(out.status.success(), "{name}: {}", String::from_utf8_lossy(&out.stderr));
+        let jpeg = ["jpeg", "real"].contains(&name);
+        let capture = format!("{folder}/capture.{}", if jpeg { "jpg" } else { "lfp" });
+        let out = lenslet(&["info", &capture]);
+        assert!(out.status.success(), "{capture}: {}", String::from_utf8_lossy(&out.stderr));
+        // Lenslet's own folder: it takes its place again when asked to, and only then.
+        let again = [&base[..], &["--optics", name, "--out", &folder]].concat();
+        assert!(!lenslet(&again).status.success());
+        assert!(lenslet(&[&again[..], &["--force"]].concat()).status.success());
+    }
 }
 
 #[test]

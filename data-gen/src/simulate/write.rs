@@ -41,7 +41,7 @@ pub fn write_simulation(
     let path = root.join(capture_name(camera));
     match &simulation.jpeg {
         Some(file) => {
-            std::fs::write(&path, file).map_err(|e| Error::Write { path: path.clone(), reason: e.to_string() })?;
+            write_part(&path, file).map_err(|e| Error::Write { path: path.clone(), reason: e.to_string() })?;
         }
         None => container::write_lfp(&path, &simulation.capture, false)?,
     }
