@@ -8,15 +8,13 @@ use std::path::Path;
 use std::process::Output;
 
 use assert_cmd::Command;
-use image::{ExtendedColorType, ImageEncoder as _};
 use lenslet_core::calibration::{Calibration, CalibrationOptions, CalibrationVariant, calibrate};
 use lenslet_core::container::Capture;
 use lenslet_core::decode::{self, HexSamples};
 use lenslet_core::geometry::Size;
 use lenslet_core::progress::Silent;
 use lenslet_data_gen::simulate::{
-    Camera, Lenslets, MicroImages, Scene, SceneName, ScenePair, SimulationOptions, disturb_signal, expose_scene,
-    light_pattern, output_size, record_mosaic, render_capture, true_view, view_offset,
+    Camera, Scene, SceneName, ScenePair, SimulationOptions, output_size, render_capture, true_view, view_offset,
 };
 use lenslet_views::assess::{
     Difference, EdgeMeasures, Edges, LineMeasures, Lines, MiddleView, MiddleViews, Rays, compare_calibrations,
@@ -29,7 +27,7 @@ use ndarray::Array3;
 const SENSORS: [usize; 2] = [1144, 820];
 
 /// The simulated captures: light, blur (pitches), noise, JPEG quality.
-const CAPTURES: [(&str, f32, f64, f64, Option<u8>); 4] = [
+const CAPTURES: [(&str, f64, f64, f64, Option<u8>); 4] = [
     ("clean", 1.0, 0.25, 0.7, None),
     ("noisy", 1.0, 0.25, 4.0, None),
     ("JPEG", 1.0, 0.25, 0.7, Some(75)),
@@ -58,44 +56,17 @@ struct Simulated {
     size: Size,
 }
 
-fn simulate(sensor: usize, light: f32, footprint: f64, noise: f64, jpeg: Option<u8>) -> Simulated {
+fn simulate(sensor: usize, light: f64, footprint: f64, noise: f64, jpeg: Option<u8>) -> Simulated {
     let mut camera = Camera::with_sensor(sensor).perturbed(3);
     camera.optics.footprint = footprint;
+    (camera.response.exposure, camera.imperfections.jpeg) = (light, jpeg);
     let draw = |camera: &Camera| Scene::named(SceneName::Natural, camera, None, 3, &Silent);
     let scenes = ScenePair::draw(&camera, draw).unwrap();
     let options = SimulationOptions { seed: 3, noise, whites: 2 };
-    // White images and facts are those of the plain capture.
-    let plain =
-        render_capture(&Scene::named(SceneName::White, &camera, None, 3, &Silent).unwrap(), &camera, &options, &Silent);
-    let plain = plain.unwrap();
-    let lenslets = Lenslets::new(&camera, 3).unwrap();
-    let images = MicroImages::of_capture(&camera, &lenslets);
-    let mut signal =
-        disturb_signal(expose_scene(&images, &scenes.gathered, &light_pattern(&images), &Silent).unwrap(), &camera);
-    signal.iter_mut().for_each(|s| *s *= light);
-    let mut capture = Capture { mosaic: record_mosaic(&signal, &camera, noise, 3, 0), ..plain.capture };
-    if let Some(quality) = jpeg {
-        save_as_jpeg(&mut capture, quality);
-    }
+    let taken = render_capture(&scenes.gathered, &camera, &options, &Silent).unwrap();
     let Size { width, height } = output_size(&camera, (sensor * 1080 + 1640) / 3280);
-    let mut truth = true_view(&scenes.sharp, &camera, view_offset([3, 3], 7, 1.0), Size::new(width, height));
-    truth *= light;
-    Simulated { capture, whites: plain.whites, truth, size: Size { width, height } }
-}
-
-/// As cameras' mosaics are handed on: 8 bits, JPEG.
-fn save_as_jpeg(capture: &mut Capture, quality: u8) {
-    let scale = 255.0 / capture.levels.white[0];
-    let bytes: Vec<u8> = capture.mosaic.data.iter().map(|v| (f32::from(*v) * scale).round() as u8).collect();
-    let mut file = Vec::new();
-    image::codecs::jpeg::JpegEncoder::new_with_quality(&mut file, quality)
-        .write_image(&bytes, capture.mosaic.width as u32, capture.mosaic.height as u32, ExtendedColorType::L8)
-        .unwrap();
-    let read = image::load_from_memory(&file).unwrap().into_luma8();
-    capture.mosaic.data = read.into_raw().into_iter().map(u16::from).collect();
-    capture.levels.black = capture.levels.black.map(|v| v * scale);
-    capture.levels.white = capture.levels.white.map(|v| v * scale);
-    capture.jpeg = true;
+    let truth = true_view(&scenes.sharp, &camera, view_offset([3, 3], 7, 1.0), Size::new(width, height));
+    Simulated { capture: taken.capture, whites: taken.whites, truth, size: Size { width, height } }
 }
 
 impl Simulated {

@@ -14,7 +14,9 @@ use lenslet_core::image::GaussianFilter;
 use lenslet_core::lightfield::{self, ColourSpace, ReadOptions, colour};
 use lenslet_core::metrics;
 use lenslet_core::progress::Silent;
-use lenslet_data_gen::simulate::{self, Camera, Imperfections, Lenslets, Scene, SceneName, ScenePair, Simulation, SimulationOptions};
+use lenslet_data_gen::simulate::{
+    self, Camera, Imperfections, Lenslets, Scene, SceneName, ScenePair, Simulation, SimulationOptions,
+};
 use lenslet_views::reconstruct::{self, Mode};
 use lenslet_views::{Learned, Method, RenderSamples as _};
 use ndarray::{Array2, Array3, s};

@@ -181,13 +181,14 @@ pub fn least_margins(name: &str) -> &'static [Least] {
         ],
         // Against the sharp truth.
         "multiview" => &[
-            ("LASSO", "no codes", [0.02, 0.05]),
-            ("anchored", "no codes", [0.04, 0.05]),
-            // On photographs it lowers the score, by 0.01 dB.
-            ("ridge", "no codes", [0.05, -0.02]),
-            ("network", "no codes", [0.37, 0.30]),
-            ("network", "LASSO", [0.35, 0.25]),
-            ("network", "multiview", [0.38, 0.29]),
+            // Photographs are sharper and have less noise than what it was trained on: all but the network lower the score
+            // there, by 0.05, 0.28 and 0.20 dB.
+            ("LASSO", "no codes", [0.04, -0.11]),
+            ("anchored", "no codes", [0.11, -0.56]),
+            ("ridge", "no codes", [0.04, -0.40]),
+            ("network", "no codes", [0.40, 0.17]),
+            ("network", "LASSO", [0.35, 0.20]),
+            ("network", "multiview", [0.41, 0.16]),
         ],
         "x2" => &[
             ("LASSO", "bicubic", [0.59, 0.74]),

@@ -41,6 +41,10 @@ const VIEWS: usize = 7;
 const TAKEN: usize = 4;
 /// Most noise of a capture, as in [`simulate::SimulationOptions`].
 const NOISE: f64 = 3.0;
+/// Least exposure of a capture, a share of full light.
+const DARKEST: f64 = 0.15;
+/// JPEG qualities of the captures that are handed on as 8-bit JPEG, one in three.
+const QUALITIES: std::ops::RangeInclusive<u8> = 70..=95;
 
 /// Crops for [`crate::train_on_crops`] from photos (files, or folders that are searched): twice
 /// `parameters.pairs.crops` for every photo that trains, of `parameters.pairs.crop` pixels a side; every `held_out`-th
@@ -50,7 +54,9 @@ const NOISE: f64 = 3.0;
 /// A sample is taken for `footprint`.
 ///
 /// Each capture has another disparity, between −0.35 and 0.35 pitches a sensor pixel, often near 0 where views have
-/// the same samples all over again, and noise between none and three times a camera's, mostly little.
+/// the same samples all over again, and noise between none and three times a camera's, mostly little. Half of them are
+/// exposed in full, the others have between 15 % and all of that light; a third are saved as 8-bit JPEG of quality 70 to
+/// 95, as captures are often handed on.
 ///
 /// # Errors
 /// No usable photo, interruption, a pitch that no camera has.
@@ -165,10 +171,16 @@ fn capture(
     let (grid, lattice) = (LensletGrid::default(), parameters.degradation.lattice.as_ref());
     let sensor = 2 * ((side as f64 * grid.pitch / parameters.degradation.pitch / 2.0).round() as usize);
     let offset = [rng.random::<f64>() * grid.pitch, rng.random::<f64>() * grid.pitch];
-    let camera = Camera {
+    let mut camera = Camera {
         lenslets: LensletGrid { rotation: parameters.degradation.rotation, offset, ..grid },
         ..Camera::with_sensor(sensor)
     };
+    if rng.random::<bool>() {
+        camera.response.exposure = rng.random_range(DARKEST..1.0);
+    }
+    if rng.random_range(0..3) == 0 {
+        camera.imperfections.jpeg = Some(rng.random_range(QUALITIES));
+    }
     let MeasuredLenslets { camera, centres } = match lattice {
         Some(lattice) => measured_lenslets(lattice, camera, parameters.degradation.pitch, rng.random())?,
         None => MeasuredLenslets { camera, centres: Vec::new() },

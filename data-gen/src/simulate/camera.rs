@@ -94,6 +94,13 @@ pub struct SensorResponse {
     pub cfa: Cfa,
     /// Black and saturation (DN), 0 <= black < saturation <= 65535.
     pub levels: [u16; 2],
+    /// Light of the scene as a share of a full exposure, 0.001..=1; default 1. White images are exposed in full.
+    #[serde(default = "full_exposure")]
+    pub exposure: f64,
+}
+
+fn full_exposure() -> f64 {
+    1.0
 }
 
 impl Default for SensorResponse {
@@ -110,6 +117,7 @@ impl Default for SensorResponse {
             white_response: [0.69, 0.9, 0.67],
             cfa: Cfa::Bggr,
             levels: [168, 4095],
+            exposure: full_exposure(),
         }
     }
 }
@@ -339,6 +347,7 @@ impl SensorResponse {
                 "the sensor needs colour filters and a black level below saturation".to_owned(),
             ));
         }
+        within("the exposure", self.exposure, 0.001, 1.0)?;
         for response in self.white_response {
             within("the white response", response, 0.01, 1.0)?;
         }
@@ -440,7 +449,7 @@ mod tests {
     fn in_json_a_camera_is_one_flat_object() {
         let text = serde_json::to_string(&Camera::default()).unwrap();
         let order = "sensor pitch rotation row_stretch offset jitter profile floor psf vignetting footprint colour \
-                     white_response cfa levels model exposure_bias white_inside";
+                     white_response cfa levels exposure model exposure_bias white_inside";
         let keys: Vec<_> = order.split_whitespace().map(|key| text.find(&format!("\"{key}\":")).unwrap()).collect();
         assert!(keys.is_sorted(), "{text}");
         assert_eq!(serde_json::from_str::<Camera>(&text).unwrap(), Camera::default());

@@ -19,6 +19,8 @@ pub struct Scene {
     pub disparity: f64,
     /// Regions of known content.
     pub regions: Vec<Region>,
+    /// Share of its light that the camera's exposure lets in.
+    exposure: f32,
     pitch: f64,
     centre: [f64; 2],
     layers: Vec<Layer>,
@@ -143,6 +145,7 @@ impl Scene {
             name: name.to_owned(),
             disparity: canvas.disparity,
             regions: regions.collect(),
+            exposure: camera.response.exposure as f32,
             pitch: camera.lenslets.pitch,
             centre: [(camera.sensor.width as f64 - 1.0) / 2.0, (camera.sensor.height as f64 - 1.0) / 2.0],
             layers,
@@ -153,7 +156,7 @@ impl Scene {
         })
     }
 
-    /// Linear sRGB seen at sensor position (`x`, `y`) under offset `delta` (sensor pixels from the lenslet centre).
+    /// Linear sRGB, as exposed, seen at sensor position (`x`, `y`) under offset `delta` (sensor pixels from the lenslet centre).
     #[inline]
     pub fn sample(&self, x: f64, y: f64, delta: [f64; 2]) -> [f32; 3] {
         let p = [(x - self.centre[0]) / self.pitch, (y - self.centre[1]) / self.pitch];
@@ -172,7 +175,7 @@ impl Scene {
                 break;
             }
         }
-        seen
+        seen.map(|light| self.exposure * light)
     }
 
     /// The layers that can show at `p` under offset `delta`, as bits.
@@ -211,6 +214,7 @@ mod tests {
     use lenslet_core::progress::Silent;
 
     use super::*;
+    use crate::simulate::SensorResponse;
 
     fn camera() -> Camera {
         Camera { sensor: Size::new(300, 260), ..Camera::default() }
@@ -264,6 +268,17 @@ mod tests {
             }
             let needed = if matches!(name, SceneName::Flat | SceneName::Slanted) { 1.0 } else { 0.6 };
             assert!(same as f64 >= needed * f64::from(all), "{name:?}: {same} of {all}");
+        }
+    }
+
+    #[test]
+    fn exposure_is_a_share_of_the_light() {
+        let response = SensorResponse { exposure: 0.25, ..SensorResponse::default() };
+        let full = Scene::named(SceneName::Natural, &camera(), None, 5, &Silent).unwrap();
+        let dark = Scene::named(SceneName::Natural, &Camera { response, ..camera() }, None, 5, &Silent).unwrap();
+        for k in 0..100u32 {
+            let (x, y) = (3.0 * f64::from(k), 2.5 * f64::from(k));
+            assert_eq!(dark.sample(x, y, [1.0, 2.0]), full.sample(x, y, [1.0, 2.0]).map(|v| 0.25 * v));
         }
     }
 

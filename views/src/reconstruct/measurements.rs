@@ -11,7 +11,7 @@ use lenslet_core::noise::NoiseCurve;
 use lenslet_core::sampling::Cubic;
 use ndarray::{Array2, ArrayView2, Axis};
 
-use super::noise::{Neighbours, estimate_noise};
+use super::noise::{Neighbours, estimate_noise, estimate_noise_beside};
 use super::sampling_operator::{SamplingOperator, back_project};
 use crate::Error;
 
@@ -64,7 +64,8 @@ impl Measurements {
         })
     }
 
-    /// Noise of a view's samples (lenslets, 1 or 3 channels; linear light): what was given, or an estimate.
+    /// Noise of a view's samples (lenslets, 1 or 3 channels; linear light): what was given, or an estimate from the
+    /// samples themselves.
     ///
     /// # Errors
     /// Another number of channels.
@@ -79,7 +80,8 @@ impl Measurements {
     }
 
     /// Moves a view's luminance (t, s), sRGB-encoded, towards its samples: differences within the noise are left. Views
-    /// made of the samples of all the others (`refined`) are moved only where they are clearly off.
+    /// made of the samples of all the others (`refined`) are moved only where they are clearly off; what they leave of
+    /// the samples where they fit best is then the noise.
     ///
     /// # Errors
     /// Shapes that do not belong together.
@@ -90,7 +92,10 @@ impl Measurements {
         refined: bool,
     ) -> Result<Array2<f32>, Error> {
         let samples = encoded_luminance(values)?;
-        let noise = self.noise(values)?;
+        let noise = match self.given {
+            None if refined => estimate_noise_beside(&samples, &self.sample_plane(plane)?, &self.neighbours),
+            _ => self.noise(values)?,
+        };
         let (part, least) = if refined { REFINED } else { (OWN, 0.0) };
         let left: Vec<f32> = samples.iter().map(|&s| part * noise.noise_at(s) + least).collect();
         Ok(back_project(plane, &self.operator, ndarray::aview1(&samples), ROUNDS, &left)?.0)

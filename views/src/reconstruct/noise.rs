@@ -4,6 +4,9 @@
 //! Texture is nearly the same in all colours, noise is not: where there are colours, differences between them show
 //! noise that luminance hides in texture. The smaller of both estimates is taken.
 //!
+//! Where views refined by all the others are known, what they leave of a view's own samples shows noise even where all
+//! colours share it: that of compressed mosaics, and of white images.
+//!
 //! For every sample, r = value − mean of its neighbours on the triangulation, whose variance is σ²(1 + 1/k) for k of
 //! them; then the root mean square of r over the sample and its neighbours. Among samples of a brightness, the lowest
 //! of these come from places with nothing but noise.
@@ -71,27 +74,44 @@ pub(super) fn estimate_noise(values: &[f32], colours: Option<&[f32]>, neighbours
         return NoiseCurve::constant(0.0);
     }
     let brightness = neighbours.means(values);
-    let mut noise = noise_by_brightness(values, &brightness, neighbours);
+    let mut noise = noise_by_brightness(&squares_beside_neighbours(values, neighbours), &brightness, neighbours);
     if let Some(colours) = colours {
-        let found = noise_by_brightness(colours, &brightness, neighbours);
+        let found = noise_by_brightness(&squares_beside_neighbours(colours, neighbours), &brightness, neighbours);
         for (own, other) in noise.iter_mut().zip(found) {
             *own = own.min(OF_COLOURS * other);
         }
     }
-    // A bin's noise is that of its middle.
+    curve_of(noise)
+}
+
+/// Standard deviation of the samples' noise over their brightness, from what a view refined by all the others `shows` at
+/// their places.
+pub(super) fn estimate_noise_beside(values: &[f32], shows: &[f32], neighbours: &Neighbours) -> NoiseCurve {
+    if values.len() != neighbours.samples || shows.len() != neighbours.samples {
+        return NoiseCurve::constant(0.0);
+    }
+    let squares: Vec<f32> = values.iter().zip(shows).map(|(v, s)| (v - s).powi(2)).collect();
+    curve_of(noise_by_brightness(&squares, &neighbours.means(values), neighbours))
+}
+
+/// The noise of each bin as that of its middle.
+fn curve_of(noise: [f32; BINS]) -> NoiseCurve {
     NoiseCurve::new(noise.into_iter().enumerate().map(|(k, n)| ((k as f32 + 0.5) / BINS as f32, n)).collect())
 }
 
-/// Standard deviation of the noise in `values` at each step of the brightness around them.
-fn noise_by_brightness(values: &[f32], brightness: &[(f32, f32)], neighbours: &Neighbours) -> [f32; BINS] {
-    let squares: Vec<f32> = values
-        .iter()
-        .zip(neighbours.means(values))
-        .map(|(v, (mean, n))| if n > 0.0 { (v - mean).powi(2) / (1.0 + 1.0 / n) } else { f32::NAN })
-        .collect();
-    let spread = neighbours.means(&squares);
+/// Square of what every value differs from the mean of its neighbours, as the variance of its own noise.
+fn squares_beside_neighbours(values: &[f32], neighbours: &Neighbours) -> Vec<f32> {
+    let square = |(v, (mean, n)): (&f32, (f32, f32))| {
+        if n > 0.0 { (v - mean).powi(2) / (1.0 + 1.0 / n) } else { f32::NAN }
+    };
+    values.iter().zip(neighbours.means(values)).map(square).collect()
+}
+
+/// Standard deviation of the noise at each step of the `brightness` around samples, from its `squares`.
+fn noise_by_brightness(squares: &[f32], brightness: &[(f32, f32)], neighbours: &Neighbours) -> [f32; BINS] {
+    let spread = neighbours.means(squares);
     let mut bins: [Vec<f32>; BINS] = std::array::from_fn(|_| Vec::new());
-    for ((&(mean, _), &own), &(others, n)) in brightness.iter().zip(&squares).zip(&spread) {
+    for ((&(mean, _), &own), &(others, n)) in brightness.iter().zip(squares).zip(&spread) {
         let square = (own + n * others) / (1.0 + n);
         if square.is_finite() {
             bins[((mean.clamp(0.0, 1.0) * BINS as f32) as usize).min(BINS - 1)].push(square);
@@ -159,6 +179,24 @@ mod tests {
         assert!(misled > 0.02 && (0.007..0.014).contains(&found), "{misled} and {found}");
         // Colours without noise: none at all.
         assert_eq!(estimate_noise(&values, Some(&vec![0.1; values.len()]), &neighbours).noise_at(0.4), 0.0);
+    }
+
+    #[test]
+    fn a_refined_view_shows_noise_that_all_colours_share() {
+        let centres = lattice(110);
+        let neighbours = Neighbours::new(&centres).unwrap();
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let mut normal = || lenslet_core::random::standard_normal(&mut rng) as f32;
+        let texture = |c: &[f64; 2]| 0.4 + 0.1 * ((2.1 * c[0]).sin() * (1.7 * c[1]).cos()) as f32;
+        let shows: Vec<f32> = centres.iter().map(texture).collect();
+        // A fifth of the view does not fit; noise is what the rest leaves.
+        let off = |c: &[f64; 2]| if c[0] > 88.0 { 0.05 * (0.9 * c[1]).sin() as f32 } else { 0.0 };
+        let values: Vec<f32> = centres.iter().map(|c| texture(c) + off(c) + 0.015 * normal()).collect();
+        let found = estimate_noise_beside(&values, &shows, &neighbours).noise_at(0.4);
+        assert!((0.75..1.35).contains(&(found / 0.015)), "{found}");
+        let misled = estimate_noise(&values, Some(&vec![0.1; values.len()]), &neighbours).noise_at(0.4);
+        assert_eq!(misled, 0.0);
+        assert_eq!(estimate_noise_beside(&values, &shows[1..], &neighbours).noise_at(0.4), 0.0);
     }
 
     #[test]

@@ -56,13 +56,14 @@ const ORDERINGS: [Ordering; 22] = [
     must("resampling", "network", "ridge", [0.29, 0.22]),
     // One linear filter lowers the score on photographs (by 0.08 dB): a bound on the harm.
     must("resampling", "ridge", "no codes", [0.11, -0.16]),
-    // On refined views of the drawn scene codes lower the score (by 0.02 dB): a bound on the harm.
-    must("resampling", "LASSO on multiview", "no codes on multiview", [-0.05, 0.08]),
+    // On refined views codes lower the score (by 0.03 and 0.06 dB): a bound on the harm.
+    must("resampling", "LASSO on multiview", "no codes on multiview", [-0.06, -0.12]),
     // One linear filter is worth nothing on refined views.
     over("resampling", "ridge on multiview", "no codes on multiview"),
-    must("resampling", "anchored on multiview", "no codes on multiview", [0.02, 0.07]),
-    must("resampling", "network on multiview", "no codes on multiview", [0.44, 0.33]),
-    must("resampling", "network on multiview", "multiview", [0.43, 0.26]),
+    // On photographs, which are sharper and have less noise than what it was trained on, it lowers it (by 0.33 dB).
+    must("resampling", "anchored on multiview", "no codes on multiview", [0.04, -0.66]),
+    must("resampling", "network on multiview", "no codes on multiview", [0.53, 0.17]),
+    must("resampling", "network on multiview", "multiview", [0.52, 0.08]),
 ];
 
 /// What is asked of two rows on real captures.

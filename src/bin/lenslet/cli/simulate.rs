@@ -6,7 +6,8 @@ use lenslet_core::container::CameraProfile;
 use lenslet_core::geometry::Size;
 use lenslet_core::output::{self, Kind};
 use lenslet_data_gen::simulate::{
-    self, Camera, Imperfections, LensletGrid, Optics, Scene, SceneName, ScenePair, SimulationOptions, TruthOptions,
+    self, Camera, Imperfections, LensletGrid, Optics, Scene, SceneName, ScenePair, SensorResponse, SimulationOptions,
+    TruthOptions,
 };
 use serde_json::json;
 
@@ -92,6 +93,9 @@ pub struct Args {
     /// Noise: 0 none; 1 one electron a DN and 3 DN of read noise
     #[arg(value_parser = super::values::finite::<f64>, long, default_value_t = SimulationOptions::default().noise, value_name = "K", allow_negative_numbers = true)]
     noise: f64,
+    /// Light of the scene as a share of a full exposure, 0.001..=1
+    #[arg(value_parser = super::values::finite::<f64>, long, default_value_t = SensorResponse::default().exposure, value_name = "SHARE", allow_negative_numbers = true)]
+    exposure: f64,
     /// White images
     #[arg(long, default_value_t = SimulationOptions::default().whites, value_name = "N")]
     whites: usize,
@@ -163,6 +167,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
             jitter: args.jitter,
         },
         optics: Optics { profile, vignetting: args.vignetting, psf: args.psf, ..like.optics },
+        response: SensorResponse { exposure: args.exposure, ..like.response },
         imperfections: args.optics.clone(),
         ..like
     };

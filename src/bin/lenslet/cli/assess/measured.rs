@@ -65,17 +65,21 @@ pub(super) fn measure_methods(
     found: &mut Assessment,
     observer: &dyn Observer,
 ) -> Result<(), Error> {
-    let rays = Rays::find(samples, size, observer)?;
-    let edges = wanted.edges.then(|| Edges::find(&rays));
-    let lines = wanted.lines.then(|| match wanted.given {
-        Some(given) => Lines::follow(&rays, given),
-        None => Lines::find(&rays),
+    // Holes need neither rays nor the middle view.
+    let middle_views = wanted.rays || wanted.edges || wanted.lines;
+    let rays = if middle_views { Some(Rays::find(samples, size, observer)?) } else { None };
+    let edges = rays.as_ref().filter(|_| wanted.edges).map(Edges::find);
+    let lines = rays.as_ref().filter(|_| wanted.lines).map(|rays| match wanted.given {
+        Some(given) => Lines::follow(rays, given),
+        None => Lines::find(rays),
     });
-    let views = MiddleViews::new(samples, &rays, size);
     observer.begin("methods", methods.len() as u64);
     for (name, method) in methods {
         let middle = samples.views / 2;
-        let view = views.render(method, observer)?;
+        let view = match &rays {
+            Some(rays) => Some((rays, MiddleViews::new(samples, rays, size).render(method, observer)?)),
+            None => None,
+        };
         let holes = wanted.holes.then(|| {
             holes_score::<Error>(samples, size, &mut |rest| {
                 let renderer = rest.renderer(method.clone()).size(*size).observer(observer).prepare()?;
@@ -84,15 +88,18 @@ pub(super) fn measure_methods(
         });
         found.methods.push(MethodMeasures {
             name,
-            rays: if wanted.rays { Some(rays.measure(view.withheld())?) } else { None },
-            edges: edges.as_ref().map(|e| e.measure(view.whole())),
-            lines: lines.as_ref().map(|l| l.measure(view.whole())),
+            rays: match &view {
+                Some((rays, view)) if wanted.rays => Some(rays.measure(view.withheld())?),
+                _ => None,
+            },
+            edges: edges.as_ref().zip(view.as_ref()).map(|(e, (_, view))| e.measure(view.whole())),
+            lines: lines.as_ref().zip(view.as_ref()).map(|(l, (_, view))| l.measure(view.whole())),
             holes: holes.transpose()?,
         });
         observer.advance(1);
     }
     let common_edges = keep_common_edges(found.methods.iter_mut().filter_map(|m| m.edges.as_mut()));
     let common_lines = keep_common_lines(found.methods.iter_mut().filter_map(|m| m.lines.as_mut()));
-    found.counts = [if wanted.rays { rays.count() } else { 0 }, common_edges, common_lines];
+    found.counts = [rays.filter(|_| wanted.rays).map_or(0, |r| r.count()), common_edges, common_lines];
     Ok(())
 }
