@@ -68,6 +68,7 @@ pub(super) fn measure_methods(
     // Holes need neither rays nor the middle view.
     let middle_views = wanted.rays || wanted.edges || wanted.lines;
     let rays = if middle_views { Some(Rays::find(samples, size, observer)?) } else { None };
+    let foretold = rays.as_ref().filter(|_| wanted.rays);
     let edges = rays.as_ref().filter(|_| wanted.edges).map(Edges::find);
     let lines = rays.as_ref().filter(|_| wanted.lines).map(|rays| match wanted.given {
         Some(given) => Lines::follow(rays, given),
@@ -76,10 +77,8 @@ pub(super) fn measure_methods(
     observer.begin("methods", methods.len() as u64);
     for (name, method) in methods {
         let middle = samples.views / 2;
-        let view = match &rays {
-            Some(rays) => Some((rays, MiddleViews::new(samples, rays, size).render(method, observer)?)),
-            None => None,
-        };
+        let render = |rays| MiddleViews::new(samples, rays, size).render(method, observer);
+        let view = rays.as_ref().map(render).transpose()?;
         let holes = wanted.holes.then(|| {
             holes_score::<Error>(samples, size, &mut |rest| {
                 let renderer = rest.renderer(method.clone()).size(*size).observer(observer).prepare()?;
@@ -88,18 +87,15 @@ pub(super) fn measure_methods(
         });
         found.methods.push(MethodMeasures {
             name,
-            rays: match &view {
-                Some((rays, view)) if wanted.rays => Some(rays.measure(view.withheld())?),
-                _ => None,
-            },
-            edges: edges.as_ref().zip(view.as_ref()).map(|(e, (_, view))| e.measure(view.whole())),
-            lines: lines.as_ref().zip(view.as_ref()).map(|(l, (_, view))| l.measure(view.whole())),
+            rays: foretold.zip(view.as_ref()).map(|(r, view)| r.measure(view.withheld())).transpose()?,
+            edges: edges.as_ref().zip(view.as_ref()).map(|(e, view)| e.measure(view.whole())),
+            lines: lines.as_ref().zip(view.as_ref()).map(|(l, view)| l.measure(view.whole())),
             holes: holes.transpose()?,
         });
         observer.advance(1);
     }
     let common_edges = keep_common_edges(found.methods.iter_mut().filter_map(|m| m.edges.as_mut()));
     let common_lines = keep_common_lines(found.methods.iter_mut().filter_map(|m| m.lines.as_mut()));
-    found.counts = [rays.filter(|_| wanted.rays).map_or(0, |r| r.count()), common_edges, common_lines];
+    found.counts = [foretold.map_or(0, Rays::count), common_edges, common_lines];
     Ok(())
 }
