@@ -5,7 +5,7 @@
 
 use std::fmt::{Display, Formatter};
 
-use lenslet_core::colour::{LUMINANCE_OF_LINEAR, srgb_decode, srgb_encode};
+use lenslet_core::colour::{LUMINANCE_OF_LINEAR, luminance_of_linear, srgb_decode, srgb_encode};
 use lenslet_core::decode::HexSamples;
 use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
@@ -466,8 +466,8 @@ fn noise_of_colours_does_not_blur_luminance() {
             let options = Options { fit: Fit::Joint(None), ..Options::default() };
             let set = SampleSet::hexagonal(&samples, &TARGET).unwrap();
             let refined = RefinedViews::estimate(set, &options, &Silent).unwrap().render_view(at.0, at.1).unwrap();
-            let light = |(t, s)| (0..3).map(|c| LUMINANCE_OF_LINEAR[c] * refined[[t, s, c]]).sum::<f32>();
-            let luminance = Array3::from_shape_fn((SIDE, SIDE, 1), |(t, s, _)| light((t, s)));
+            let light = |(t, s, _)| luminance_of_linear([0, 1, 2].map(|c| refined[[t, s, c]]));
+            let luminance = Array3::from_shape_fn((SIDE, SIDE, 1), light);
             Samples::Hexagonal(grey.clone()).psnr(&luminance, &truth, at)
         };
         let (without, with) = (luminance_of(0.0), luminance_of(0.15));

@@ -12,7 +12,7 @@
 use ndarray::Array3;
 use rayon::prelude::*;
 
-use crate::colour::LUMINANCE_OF_LINEAR as LUMINANCE;
+use crate::colour::luminance_of_linear;
 
 /// Share of the way to the border up to which nothing changes.
 ///
@@ -38,7 +38,7 @@ pub(super) fn fit_colours(values: &mut Array3<f32>) {
 fn fit_colour(rgb: [f32; 3]) -> [f32; 3] {
     let least = rgb[0].min(rgb[1]).min(rgb[2]);
     let most = rgb[0].max(rgb[1]).max(rgb[2]);
-    let y: f32 = (0..3).map(|c| LUMINANCE[c] * rgb[c]).sum();
+    let y = luminance_of_linear(rgb);
     // The usual case.
     if y - least <= KNEE * y && most - y <= KNEE * (1.0 - y) {
         return rgb;
@@ -78,10 +78,6 @@ fn squeeze(room: f32, need: f32) -> f32 {
 mod tests {
     use super::*;
 
-    fn luminance(p: [f32; 3]) -> f32 {
-        (0..3).map(|c| LUMINANCE[c] * p[c]).sum()
-    }
-
     /// Colours of every kind: a raster over −1..2 in all three channels.
     fn raster() -> impl Iterator<Item = [f32; 3]> {
         let at = |k: usize| -1.0 + 3.0 * k as f32 / 30.0 + 0.003;
@@ -94,7 +90,7 @@ mod tests {
         for p in raster() {
             let q = fit_colour(p);
             assert!(q.iter().all(|v| (0.0..=1.0).contains(v)), "{p:?} {q:?}");
-            let (y, z) = (luminance(p), luminance(q));
+            let (y, z) = (luminance_of_linear(p), luminance_of_linear(q));
             if y <= 0.0 {
                 assert_eq!(q, [0.0; 3]);
                 continue;
@@ -126,7 +122,7 @@ mod tests {
         // A green leaf that the matrix pushed below 0: cutting would add light and turn it.
         let leaf = fit_colour([-0.05, 0.2, 0.02]);
         assert!(
-            leaf[0] > 0.0 && leaf[0] < 0.02 && leaf[1] > leaf[2] && (luminance(leaf) - 0.1338).abs() < 1e-3,
+            leaf[0] > 0.0 && leaf[0] < 0.02 && leaf[1] > leaf[2] && (luminance_of_linear(leaf) - 0.1338).abs() < 1e-3,
             "{leaf:?}"
         );
     }
@@ -141,8 +137,8 @@ mod tests {
                 let r = fit_colour(near);
                 let step = (0..3).map(|k| (q[k] - r[k]).abs()).fold(0.0, f32::max);
                 // Steep only close to black and white, where little colour fits.
-                let room = luminance(p).min((luminance(p) - 1.0).abs().max(0.02));
-                assert!(luminance(p) <= 0.02 || step < 1e-4 * (2.0 + 8.0 / room), "{p:?} {step}");
+                let room = luminance_of_linear(p).min((luminance_of_linear(p) - 1.0).abs().max(0.02));
+                assert!(luminance_of_linear(p) <= 0.02 || step < 1e-4 * (2.0 + 8.0 / room), "{p:?} {step}");
             }
         }
     }
