@@ -60,7 +60,8 @@ const ORDERINGS: [Ordering; 22] = [
     must("resampling", "LASSO on multiview", "no codes on multiview", [-0.06, -0.12]),
     // One linear filter is worth nothing on refined views.
     over("resampling", "ridge on multiview", "no codes on multiview"),
-    // On photographs, which are sharper and have less noise than what it was trained on, it lowers it (by 0.33 dB).
+    // On photographs, which are sharper and have less noise than what they were trained on, anchored regressors lower the
+    // score (by 0.33 dB).
     must("resampling", "anchored on multiview", "no codes on multiview", [0.04, -0.66]),
     must("resampling", "network on multiview", "no codes on multiview", [0.53, 0.17]),
     must("resampling", "network on multiview", "multiview", [0.52, 0.08]),

@@ -60,28 +60,28 @@ fn no_spoiled_dictionary_passes_the_check() {
     let shipped =
         [Interpolation::Barycentric, Interpolation::Multiview].map(|base| embedded_dictionary_for(base).unwrap());
     let mut caches = CachesByCapture::new();
-    let scenes = [SimulatedScene::Drawn(SceneName::Natural), SimulatedScene::Photos];
-    let of_shipped = scenes.map(|scene| records(&settings(scene, Vec::new()), scene, |_| true, &mut caches));
+    let drawn = SimulatedScene::Drawn(SceneName::Natural);
+    let of_shipped = [drawn, SimulatedScene::Photos]
+        .map(|scene| records(&settings(scene, Vec::new()), scene, |_| true, &mut caches));
     for records in &of_shipped {
         assert_eq!(broken_orderings(&judge_orderings(records), records), [""; 0]);
     }
     for spoiling in &SPOILINGS {
-        for (((dictionary, on), scene), of_shipped) in
-            shipped.iter().zip(["", " on multiview"]).zip(scenes).zip(&of_shipped)
-        {
+        for (dictionary, on) in shipped.iter().zip(["", " on multiview"]) {
             let Some(spoiled) = spoiling.of(dictionary) else { continue };
-            // All but the network are worth nothing on refined views of photographs: without them nothing is lost.
-            if spoiling.predictor != PatchPredictor::Network && !on.is_empty() {
+            // Codes and one linear filter are worth nothing on the refined views of this scene: without them nothing is
+            // lost (tests/spoiled_dictionaries.rs has one where codes are).
+            if matches!(spoiling.predictor, PatchPredictor::Lasso | PatchPredictor::Ridge) && !on.is_empty() {
                 continue;
             }
             // The other methods give what they gave.
             let concerns = |method: Method| {
                 method.predictor() == Some(spoiling.predictor) && method.uses_other_views() != on.is_empty()
             };
-            let mut all = records(&settings(scene, vec![spoiled]), scene, concerns, &mut caches);
+            let mut all = records(&settings(drawn, vec![spoiled]), drawn, concerns, &mut caches);
             let renewed: Vec<_> = all.iter().map(|r| (r.variant.clone(), r.seed)).collect();
             let same = |r: &&Record| !renewed.contains(&(r.variant.clone(), r.seed));
-            all.extend(of_shipped.iter().filter(same).cloned());
+            all.extend(of_shipped[0].iter().filter(same).cloned());
             let broken = broken_orderings(&judge_orderings(&all), &all);
             let named = format!("resampling: {}{on} is not over", spoiling.predictor);
             assert!(broken.iter().any(|b| b.starts_with(&named)), "{}{on}: {broken:?}", spoiling.name);
