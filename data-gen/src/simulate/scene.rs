@@ -156,7 +156,8 @@ impl Scene {
         })
     }
 
-    /// Linear sRGB, as exposed, seen at sensor position (`x`, `y`) under offset `delta` (sensor pixels from the lenslet centre).
+    /// Linear sRGB, as exposed, seen at sensor position (`x`, `y`) under offset `delta` (sensor pixels from the lenslet
+    /// centre).
     #[inline]
     pub fn sample(&self, x: f64, y: f64, delta: [f64; 2]) -> [f32; 3] {
         let p = [(x - self.centre[0]) / self.pitch, (y - self.centre[1]) / self.pitch];
