@@ -55,6 +55,9 @@ struct Arguments {
     /// Side of the simulated sensor, pixels
     #[arg(long, default_value_t = 820)]
     sensor: usize,
+    /// A dictionary in the place of the one inside the program for its base
+    #[arg(long)]
+    dictionary: Option<PathBuf>,
     /// Print Markdown
     #[arg(long)]
     table: bool,
@@ -222,8 +225,11 @@ fn markdown(sets: &Map<String, Value>) -> String {
 fn main() -> anyhow::Result<()> {
     let a = Arguments::parse();
     ensure!(!a.photos.is_empty() || !a.fields.is_empty(), "name photos or light fields");
-    let learned = [Interpolation::Barycentric, Interpolation::Multiview]
-        .map(|base| Ok::<_, anyhow::Error>((base, embedded_dictionary_for(base)?)));
+    let given = a.dictionary.as_deref().map(dictionary::load).transpose()?;
+    let learned = [Interpolation::Barycentric, Interpolation::Multiview].map(|base| {
+        let given = given.as_ref().filter(|d| d.models.iter().all(|m| m.base == base));
+        Ok::<_, anyhow::Error>((base, given.map_or_else(|| embedded_dictionary_for(base), |d| Ok(d.clone()))?))
+    });
     let learned = learned.into_iter().collect::<anyhow::Result<Vec<_>>>()?;
     let mut out = Map::new();
     for (name, photos) in photo_sets(&a.photos)? {

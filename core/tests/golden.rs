@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use common::files::{small_calibration, small_dictionary, small_samples};
 use lenslet_core::decode::HexSamples;
-use lenslet_core::dictionary::{self, Dictionary};
+use lenslet_core::dictionary::{self, Dictionary, SideInput};
 use lenslet_core::lightfield::{self, ColourSpace, Format, LightField, Meta, ReadOptions};
 use lenslet_core::{calibration, lightfield::load};
 use ndarray::Array5;
@@ -40,9 +40,19 @@ fn plain() -> Dictionary {
     dictionary
 }
 
+/// With a network that takes noise.
+fn told_noise() -> Dictionary {
+    let mut dictionary = small_dictionary();
+    if let Some(network) = &mut dictionary.models[0].patch_model.network {
+        network.side_inputs = vec![SideInput::Noise];
+    }
+    dictionary
+}
+
 #[test]
-fn dictionaries_of_versions_2_and_3() {
-    for (name, number, truth) in [("golden-2.lfd", 2, plain()), ("golden-3.lfd", 3, small_dictionary())] {
+fn dictionaries_of_versions_2_to_4() {
+    let all = [("golden-2.lfd", 2, plain()), ("golden-3.lfd", 3, small_dictionary()), ("golden-4.lfd", 4, told_noise())];
+    for (name, number, truth) in all {
         let path = golden(name, |path| std::fs::write(path, dictionary::to_bytes(&truth).unwrap()).unwrap());
         assert_eq!(version(&path), number, "{name}");
         assert_eq!(dictionary::load(&path).unwrap(), truth, "{name}");

@@ -9,8 +9,7 @@ use std::path::PathBuf;
 use lenslet_core::calibration;
 use lenslet_core::colour::luminance;
 use lenslet_core::decode;
-use lenslet_core::dictionary::Footprint;
-use lenslet_core::interpolation::Interpolation;
+use lenslet_core::dictionary::{Footprint, SideInput};
 use lenslet_core::lightfield::{ColourSpace, View, colour};
 use lenslet_core::metrics::BORDER;
 use lenslet_core::progress::{Observer, Silent};
@@ -203,18 +202,16 @@ fn capture(
     }
     let size = simulate::output_size(&camera, side);
     let target = size;
-    let alone: &[Interpolation] = parameters.network.as_ref().map_or(&[], |n| &n.side_inputs);
-    let truth = Measurements::new(&samples, footprint, parameters.degradation.pitch, size, None, alone)?;
+    let wanted: &[SideInput] = parameters.network.as_ref().map_or(&[], |n| &n.side_inputs);
+    let truth = Measurements::new(&samples, footprint, parameters.degradation.pitch, size, None, wanted)?;
     let (mut refined, mut beside) = (Vec::new(), Vec::new());
     let mut keep = |v: usize, u: usize, view: View| {
         let values = samples.view(v, u);
-        refined.push(truth.project_onto_samples(&luminance(view.encode().pixels().view()), values, true)?);
-        beside.push(
-            alone
-                .iter()
-                .map(|&base| truth.interpolate_own_samples(values, base))
-                .collect::<Result<Vec<_>, lenslet_views::Error>>()?,
-        );
+        let plane = luminance(view.encode().pixels().view());
+        let noise = truth.noise(values, Some(&plane))?;
+        let kept = truth.project_onto_samples(&plane, values, &noise, true)?;
+        beside.push(truth.side_inputs(wanted, &kept, values, &noise)?);
+        refined.push(kept);
         Ok::<(), lenslet_views::Error>(())
     };
     let refinement = multiview::Options { fit: Fit::for_dictionary(footprint), ..multiview::Options::default() };

@@ -1,6 +1,6 @@
 //! Errors of dictionaries, by cause.
 
-use crate::interpolation::Interpolation;
+use super::patch_model::SideInput;
 
 /// Errors of reading, writing and using dictionaries.
 #[derive(Debug, thiserror::Error)]
@@ -79,7 +79,7 @@ pub enum Error {
 impl Error {
     /// That a network's side inputs are missing.
     #[must_use]
-    pub fn no_side_inputs(inputs: &[Interpolation]) -> Error {
+    pub fn no_side_inputs(inputs: &[SideInput]) -> Error {
         let names: Vec<&str> = inputs.iter().map(|i| i.name()).collect();
         Error::NoSideInputs { inputs: names.join(" and ") }
     }

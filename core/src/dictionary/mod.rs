@@ -59,7 +59,7 @@ pub use features::{copy_windows, extract_features, gradient_operator, learn_comp
 pub use file::{FORMAT_VERSION, Format, export_npy, from_bytes, load, read_kinds, save, to_bytes};
 pub use model::{Dictionary, Footprint, Model, ModelKind, Storage};
 pub use options::ReconstructionOptions;
-pub use patch_model::{Anchored, Layer, Network, PatchModel, PatchPredictor};
+pub use patch_model::{Anchored, Layer, Network, PatchModel, PatchPredictor, SideInput};
 pub use predict::{nearest_anchors, network_inputs};
 pub use recipe::{Photo, Recipe};
 pub use reconstruct::PlaneReconstructor;

@@ -6,7 +6,6 @@ use serde::{Deserialize, Serialize};
 
 use super::error::Error;
 use super::limits;
-use crate::interpolation::Interpolation;
 
 /// How the residual of a patch is predicted from the features of its window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -131,6 +130,37 @@ pub struct Anchored {
     pub maps: Array3<f32>,
 }
 
+/// An image of a view that a network takes besides the low image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SideInput {
+    /// The view's own samples, linear over triangles.
+    Barycentric,
+    /// The view's own samples, by a C¹ cubic surface.
+    Cubic,
+    /// The low image, brighter by the standard deviation of its samples' noise at each pixel's brightness: a window of
+    /// a few pixels does not tell texture from noise.
+    Noise,
+}
+
+impl SideInput {
+    /// The name in files and messages.
+    ///
+    /// ```
+    /// use lenslet_core::dictionary::SideInput;
+    ///
+    /// assert_eq!(SideInput::Noise.name(), "noise");
+    /// ```
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            SideInput::Barycentric => "barycentric",
+            SideInput::Cubic => "cubic",
+            SideInput::Noise => "noise",
+        }
+    }
+}
+
 /// One layer of a [`Network`]: `weights`·x + `bias`; all but the last are rectified (negative values become 0).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layer {
@@ -149,8 +179,8 @@ pub struct Layer {
 pub struct Network {
     /// Side of the windows (odd), pixels.
     pub support: usize,
-    /// Interpolations of the view's own samples that are inputs besides the low image.
-    pub side_inputs: Vec<Interpolation>,
+    /// The inputs besides the low image.
+    pub side_inputs: Vec<SideInput>,
     /// How many rows of `filters` belong to the low image, then to each side input.
     pub filters_per_input: Vec<usize>,
     /// Feature filters, m × support²; those of the low image sum to zero.
@@ -337,7 +367,7 @@ pub(super) struct PatchNumbers {
 pub(super) struct NetworkNumbers {
     pub(super) support: u32,
     pub(super) floor: f32,
-    pub(super) side_inputs: Vec<Interpolation>,
+    pub(super) side_inputs: Vec<SideInput>,
     pub(super) filters_per_input: Vec<u32>,
     pub(super) layers: u32,
 }

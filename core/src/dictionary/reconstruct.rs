@@ -10,9 +10,8 @@ use super::features::pad_mirrored;
 use super::model::Model;
 use super::options::ReconstructionOptions;
 use super::overlap_add::{add_residuals, mirrored_copy};
-use super::patch_model::PatchPredictor;
+use super::patch_model::{PatchPredictor, SideInput};
 use super::predict::{self, PredictPatches};
-use crate::interpolation::Interpolation;
 
 /// A model prepared for the reconstruction of planes.
 ///
@@ -69,7 +68,7 @@ impl PlaneReconstructor {
 
     /// The images of the view that the predictor in use takes besides the low one: only a network has any.
     #[must_use]
-    pub fn side_inputs(&self) -> &[Interpolation] {
+    pub fn side_inputs(&self) -> &[SideInput] {
         self.predictor.side_inputs()
     }
 
@@ -231,10 +230,10 @@ mod tests {
             ReconstructionOptions { predictor: PatchPredictor::Anchored, ..ReconstructionOptions::default() };
         let refused = PlaneReconstructor::new(&bare, &anchored).unwrap_err().to_string();
         assert_eq!(refused, "the dictionary has no anchored regressors; it has no codes, ridge, LASSO");
-        let network = random_network(5, &[Interpolation::Cubic]);
+        let network = random_network(5, &[SideInput::Cubic]);
         model.patch_model.network = Some(network.clone());
         let r = PlaneReconstructor::new(&model, &options).unwrap();
-        assert_eq!((r.side_inputs(), lasso.side_inputs()), (&[Interpolation::Cubic][..], &[][..]));
+        assert_eq!((r.side_inputs(), lasso.side_inputs()), (&[SideInput::Cubic][..], &[][..]));
         assert!(matches!(r.reconstruct_plane(low.view(), &[]), Err(Error::NoSideInputs { .. })));
         assert!(r.reconstruct_plane(low.view(), &[plane(3, 3)]).is_err());
         assert!(PlaneReconstructor::new(&model, &ReconstructionOptions { step: 4, ..options.clone() }).is_err());

@@ -64,7 +64,7 @@ fn check_patch_model(parts: &PatchModel) -> Result<(), Error> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::super::model::{Footprint, Model, Storage};
-    use super::super::patch_model::{Anchored, Network};
+    use super::super::patch_model::{Anchored, Network, SideInput};
     use super::super::predict::network_tests::random_network;
     use super::super::recipe::{Photo, Recipe};
     use super::*;
@@ -128,7 +128,7 @@ pub(crate) mod tests {
 
     #[test]
     fn networks_that_do_not_fit_are_named() {
-        let good = random_network(1, &[Interpolation::Cubic]);
+        let good = random_network(1, &[SideInput::Cubic]);
         let wrong = |change: &dyn Fn(&mut Network)| {
             let mut bad = good.clone();
             change(&mut bad);
@@ -137,7 +137,6 @@ pub(crate) mod tests {
             check_predictors(&parts).unwrap_err().to_string()
         };
         assert!(wrong(&|n| n.filters_per_input[0] += 1).contains("groups"));
-        assert!(wrong(&|n| n.side_inputs[0] = Interpolation::Multiview).contains("own samples"));
         assert!(wrong(&|n| n.layers[0].bias[0] = f32::NAN).contains("finite"));
         assert!(wrong(&|n| n.layers.truncate(1)).contains("patch"));
         assert!(wrong(&|n| n.support = 8).contains("window"));

@@ -12,7 +12,9 @@ use lenslet_core::calibration::{
 use lenslet_core::container::segments::Container;
 use lenslet_core::container::{CameraFacts, Capture, Cfa, ColourFacts, Levels, MlaHint, RawMosaic, write_lfp};
 use lenslet_core::decode::HexSamples;
-use lenslet_core::dictionary::{Anchored, Dictionary, Footprint, Layer, Model, Network, PatchModel, Recipe, Storage};
+use lenslet_core::dictionary::{
+    Anchored, Dictionary, Footprint, Layer, Model, Network, PatchModel, Recipe, SideInput, Storage,
+};
 use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use ndarray::{Array1, Array2, Array3};
@@ -236,7 +238,7 @@ pub fn small_dictionary() -> Dictionary {
         anchored: Some(Anchored { anchors: unit(3), maps: Array3::from_elem((3, 4, 9), 0.5) }),
         network: Some(Network {
             support: 5,
-            side_inputs: vec![Interpolation::Cubic],
+            side_inputs: vec![SideInput::Cubic],
             filters_per_input: vec![2, 1],
             filters: Array2::from_shape_fn((3, 25), |(r, c)| (r + c) as f32 * 0.01),
             floor: 0.1,

@@ -1,7 +1,7 @@
 //! Parameters of the network.
 
 use super::dictionary::DictionaryParameters;
-use lenslet_core::interpolation::Interpolation;
+use lenslet_core::dictionary::SideInput;
 use serde::{Deserialize, Serialize};
 
 use crate::error::Error;
@@ -10,8 +10,8 @@ use crate::error::Error;
 ///
 /// | name | default | purpose | range |
 /// |---|---|---|---|
-/// | `beside` (field `side_inputs`) | none | further inputs of the base multiview: barycentric, cubic | |
-/// | `features` | \[60\] | principal components kept of the low image, then of each side input | 2 … (window+4)² − 1, at most 4·window² |
+/// | `beside` (field `side_inputs`) | none | further inputs of the base multiview: barycentric, cubic, noise | |
+/// | `features` | \[60\] | principal components kept of the low image, then of each side input | 1 … (window+4)² − 1, at most 4·window² |
 /// | `window` | 9 | side of the window whose gradients are features | odd, 3 … 25 |
 /// | `patch` | 5 | side of a residual patch | odd, 3 … window + 4 |
 /// | `hidden` | \[256, 128\] | outputs of each hidden layer | one to four of 1 … 4096 |
@@ -24,7 +24,7 @@ use crate::error::Error;
 #[allow(missing_docs)] // in the table above
 pub struct NetworkParameters {
     #[serde(rename = "beside")]
-    pub side_inputs: Vec<Interpolation>,
+    pub side_inputs: Vec<SideInput>,
     pub features: Vec<usize>,
     pub window: usize,
     pub patch: usize,
@@ -69,7 +69,7 @@ impl NetworkParameters {
                 self.side_inputs.len() + 1
             ));
         }
-        if self.features.iter().any(|f| !(2..=DictionaryParameters::most_features(self.window)).contains(f)) {
+        if self.features.iter().any(|f| !(1..=DictionaryParameters::most_features(self.window)).contains(f)) {
             return wrong(format!("features {:?} are out of range", self.features));
         }
         if !(1..=4).contains(&self.hidden.len()) || self.hidden.iter().any(|h| !(1..=4096).contains(h)) {

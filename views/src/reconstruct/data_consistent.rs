@@ -5,7 +5,7 @@ use lenslet_core::decode::HexSamples;
 use lenslet_core::geometry::Size;
 use lenslet_core::interpolation::Interpolation;
 use lenslet_core::lightfield::{Srgb, View};
-use ndarray::ArrayView2;
+use ndarray::{Array2, ArrayView2};
 
 use super::guided;
 use super::measurements::Measurements;
@@ -50,22 +50,15 @@ impl DataConsistent {
     /// Shapes that do not belong together, errors of the solver.
     pub fn reconstruct_view(&self, low: &View<Srgb>, values: ArrayView2<'_, f32>) -> Result<View<Srgb>, Error> {
         let y = checked_luminance(low.pixels())?;
-        let inputs = self.reconstructor.side_inputs();
-        let inputs = inputs.iter().map(|&i| self.measurements.interpolate_own_samples(values, i));
-        let inputs = inputs.collect::<Result<Vec<_>, Error>>()?;
+        let (measurements, wanted) = (&self.measurements, self.reconstructor.side_inputs());
+        let noise = measurements.noise(values, self.refined.then_some(&y))?;
+        let project = |plane: &Array2<f32>| measurements.project_onto_samples(plane, values, &noise, self.refined);
         // First, since features computed where a refined view is clearly off would be wrong.
-        let sharp = if self.refined {
-            let kept = self.measurements.project_onto_samples(&y, values, true)?;
-            self.reconstructor.reconstruct_plane(kept.view(), &inputs)?
-        } else {
-            self.reconstructor.reconstruct_plane(y.view(), &inputs)?
-        };
+        let kept = if self.refined { &project(&y)? } else { &y };
+        let inputs = measurements.side_inputs(wanted, kept, values, &noise)?;
+        let sharp = self.reconstructor.reconstruct_plane(kept.view(), &inputs)?;
         // A network with side inputs takes account of the samples itself.
-        let sharp = if inputs.is_empty() {
-            self.measurements.project_onto_samples(&sharp, values, self.refined)?
-        } else {
-            sharp
-        };
+        let sharp = if wanted.is_empty() { project(&sharp)? } else { sharp };
         Ok(View::new(guided::with_luminance(low.pixels(), &y, &sharp, self.reconstructor.colour_radius())))
     }
 
@@ -89,9 +82,10 @@ mod tests {
     use crate::reconstruct::measurements::encoded_luminance;
     use crate::reconstruct::{Available, Options, embedded_dictionary};
     use lenslet_core::colour::luminance;
+    use lenslet_core::dictionary::SideInput;
     use lenslet_core::geometry::Size;
     use lenslet_core::lightfield::Linear;
-    use ndarray::{Array2, Array3};
+    use ndarray::Array3;
 
     /// A view of stripes and discs through lenslets three and a bit pixels apart.
     fn samples() -> HexSamples {
@@ -186,7 +180,7 @@ mod tests {
         let samples = samples();
         let dictionary = crate::reconstruct::embedded_dictionary_for(Interpolation::Multiview).unwrap();
         let reconstructor = Reconstructor::with(&dictionary, &Options::default(), Available::Samples).unwrap();
-        assert_eq!(reconstructor.side_inputs(), [Interpolation::Barycentric, Interpolation::Cubic]);
+        assert_eq!(reconstructor.side_inputs(), [SideInput::Barycentric, SideInput::Cubic, SideInput::Noise]);
         let target = Size { width: 200, height: 200 };
         let values = samples.values.index_axis(ndarray::Axis(0), 0);
         let low = interpolated(&samples, &target);
@@ -195,9 +189,10 @@ mod tests {
                 .unwrap();
         let found = luminance(faithful.reconstruct_view(&low, values).unwrap().pixels().view());
         let truth = faithful.measurements();
-        let kept = truth.project_onto_samples(&luminance(low.pixels().view()), values, true).unwrap();
-        let beside: Vec<Array2<f32>> =
-            reconstructor.side_inputs().iter().map(|&b| truth.interpolate_own_samples(values, b).unwrap()).collect();
+        let refined = luminance(low.pixels().view());
+        let noise = truth.noise(values, Some(&refined)).unwrap();
+        let kept = truth.project_onto_samples(&refined, values, &noise, true).unwrap();
+        let beside = truth.side_inputs(reconstructor.side_inputs(), &kept, values, &noise).unwrap();
         let by_hand = reconstructor.reconstruct_plane(kept.view(), &beside).unwrap();
         assert!((&found - &by_hand).iter().all(|d| d.abs() < 1e-3));
         // It does not run without its side inputs.
@@ -209,6 +204,5 @@ mod tests {
         };
         let nothing = Reconstructor::with(&dictionary, &options, Available::Samples).unwrap();
         assert_eq!(nothing.reconstruct_plane(kept.view(), &[]).unwrap(), kept);
-        assert!(truth.interpolate_own_samples(values, Interpolation::Bicubic).is_err());
     }
 }

@@ -2,11 +2,10 @@
 
 use lenslet_core::colour::{LUMINANCE, srgb_encode};
 use lenslet_core::decode::HexSamples;
-use lenslet_core::dictionary::Footprint;
+use lenslet_core::dictionary::{Footprint, SideInput};
 use lenslet_core::ensure;
 use lenslet_core::geometry::SensorToView;
 use lenslet_core::geometry::Size;
-use lenslet_core::interpolation::Interpolation;
 use lenslet_core::noise::NoiseCurve;
 use lenslet_core::sampling::Cubic;
 use ndarray::{Array2, ArrayView2, Axis};
@@ -40,8 +39,7 @@ pub struct Measurements {
 
 impl Measurements {
     /// Samples that see `footprint` (`pitch` output pixels wide), for views of (width, height) pixels; `noise` as in
-    /// [`super::Options::noise`]; `alone`: the interpolations that
-    /// [`Measurements::interpolate_own_samples`] can then give.
+    /// [`super::Options::noise`]; `wanted`: what [`Measurements::side_inputs`] can then give.
     ///
     /// # Errors
     /// Samples that cannot be triangulated, a size out of range.
@@ -51,11 +49,11 @@ impl Measurements {
         pitch: f64,
         size: Size,
         noise: Option<f32>,
-        alone: &[Interpolation],
+        wanted: &[SideInput],
     ) -> Result<Self, Error> {
         let centres = SensorToView::new(samples.sensor, size).all_to_view(&samples.centres);
         let neighbours = Neighbours::new(&centres)?;
-        let cubic = if alone.contains(&Interpolation::Cubic) { Some(Cubic::new(&centres, size, size)?) } else { None };
+        let cubic = if wanted.contains(&SideInput::Cubic) { Some(Cubic::new(&centres, size, size)?) } else { None };
         Ok(Measurements {
             operator: SamplingOperator::new(centres, footprint, pitch, size)?,
             cubic,
@@ -64,24 +62,32 @@ impl Measurements {
         })
     }
 
-    /// Noise of a view's samples (lenslets, 1 or 3 channels; linear light): what was given, or an estimate from the
-    /// samples themselves.
+    /// Noise of a view's samples (lenslets, 1 or 3 channels; linear light) over their brightness, both sRGB-encoded:
+    /// what was given, or what a view that all the others made (`refined`, its luminance) leaves of the samples where it
+    /// fits best, or an estimate from the samples themselves.
     ///
     /// # Errors
-    /// Another number of channels.
-    pub fn noise(&self, values: ArrayView2<'_, f32>) -> Result<NoiseCurve, Error> {
+    /// Another number of channels, an empty view.
+    pub fn noise(
+        &self,
+        values: ArrayView2<'_, f32>,
+        refined: Option<&Array2<f32>>,
+    ) -> Result<NoiseCurve, Error> {
         if let Some(sigma) = self.given {
             return Ok(NoiseCurve::constant(if sigma.is_finite() { sigma.max(0.0) } else { 0.0 }));
+        }
+        let samples = encoded_luminance(values)?;
+        if let Some(plane) = refined {
+            return Ok(estimate_noise_beside(&samples, &self.sample_plane(plane)?, &self.neighbours));
         }
         let encode = |v: f32| srgb_encode(v.clamp(0.0, 1.0));
         let colours: Option<Vec<f32>> =
             (values.ncols() == 3).then(|| values.rows().into_iter().map(|v| encode(v[0]) - encode(v[1])).collect());
-        Ok(estimate_noise(&encoded_luminance(values)?, colours.as_deref(), &self.neighbours))
+        Ok(estimate_noise(&samples, colours.as_deref(), &self.neighbours))
     }
 
     /// Moves a view's luminance (t, s), sRGB-encoded, towards its samples: differences within the noise are left. Views
-    /// made of the samples of all the others (`refined`) are moved only where they are clearly off; what they leave of
-    /// the samples where they fit best is then the noise.
+    /// that all the others made (`refined`) are moved only where they are clearly off.
     ///
     /// # Errors
     /// Shapes that do not belong together.
@@ -89,37 +95,38 @@ impl Measurements {
         &self,
         plane: &Array2<f32>,
         values: ArrayView2<'_, f32>,
+        noise: &NoiseCurve,
         refined: bool,
     ) -> Result<Array2<f32>, Error> {
         let samples = encoded_luminance(values)?;
-        let noise = match self.given {
-            None if refined => estimate_noise_beside(&samples, &self.sample_plane(plane)?, &self.neighbours),
-            _ => self.noise(values)?,
-        };
         let (part, least) = if refined { REFINED } else { (OWN, 0.0) };
         let left: Vec<f32> = samples.iter().map(|&s| part * noise.noise_at(s) + least).collect();
         Ok(back_project(plane, &self.operator, ndarray::aview1(&samples), ROUNDS, &left)?.0)
     }
 
-    /// A view's luminance, sRGB-encoded, as `base` (barycentric or cubic) interpolates it from the view's own samples,
-    /// 0..1.
+    /// What a network takes besides the luminance `low` of a view, sRGB-encoded, whose own samples are `values`: images of
+    /// its shape, in the order of `wanted`.
     ///
     /// # Errors
-    /// Another number of samples, another base.
-    pub fn interpolate_own_samples(
+    /// Another number of samples; a cubic image where none was wanted of [`Measurements::new`].
+    pub fn side_inputs(
         &self,
+        wanted: &[SideInput],
+        low: &Array2<f32>,
         values: ArrayView2<'_, f32>,
-        base: Interpolation,
-    ) -> Result<Array2<f32>, Error> {
+        noise: &NoiseCurve,
+    ) -> Result<Vec<Array2<f32>>, Error> {
         let samples = encoded_luminance(values)?;
-        match (base, &self.cubic) {
-            (Interpolation::Barycentric, _) => Ok(self.operator.interpolate(&samples)?),
-            (Interpolation::Cubic, Some(cubic)) => {
+        let image = |input: &SideInput| match (input, &self.cubic) {
+            (SideInput::Noise, _) => Ok(low.mapv(|v| v + noise.noise_at(v))),
+            (SideInput::Barycentric, _) => Ok(self.operator.interpolate(&samples)?),
+            (SideInput::Cubic, Some(cubic)) => {
                 let plane = cubic.apply(ndarray::aview1(&samples).insert_axis(Axis(1)))?;
                 Ok(plane.index_axis_move(Axis(2), 0).mapv(|v| v.clamp(0.0, 1.0)))
             }
-            (other, _) => Err(Error::Parameter(format!("no {other} image of a view's own samples was prepared"))),
-        }
+            (SideInput::Cubic, None) => Err(Error::Parameter("no cubic image of a view's own samples was prepared".into())),
+        };
+        wanted.iter().map(image).collect()
     }
 
     /// A view's luminance sampled at the lenslet centres.

@@ -1,8 +1,7 @@
 //! A dictionary's model made ready for views (eq. (4) on luminance, colours guided by it).
 
 use lenslet_core::colour::luminance;
-use lenslet_core::dictionary::{self, Dictionary, PlaneReconstructor, ReconstructionOptions};
-use lenslet_core::interpolation::Interpolation;
+use lenslet_core::dictionary::{self, Dictionary, PlaneReconstructor, ReconstructionOptions, SideInput};
 use lenslet_core::lightfield::{Srgb, View};
 use ndarray::{Array2, Array3, ArrayView2};
 
@@ -79,9 +78,9 @@ impl Reconstructor {
         self.first.model()
     }
 
-    /// Interpolations of a view's own samples that are inputs besides the view.
+    /// The inputs besides the view.
     #[must_use]
-    pub fn side_inputs(&self) -> &[Interpolation] {
+    pub fn side_inputs(&self) -> &[SideInput] {
         match (self.first.side_inputs(), &self.second) {
             ([], Some(second)) => second.side_inputs(),
             (inputs, _) => inputs,

@@ -22,11 +22,13 @@ use super::super::model::{Dictionary, Model, ModelKind, Storage};
 use super::super::patch_model::{Matrix, NetworkNumbers, PatchNumbers, Values, assemble, matrices};
 use super::super::recipe::Recipe;
 use super::super::validate::validate;
-use super::lfd_header::{Header, ModelHeader, NetworkHeader, PassHeader, Table, decode_header, encode_header};
+use super::lfd_header::{Header, ModelHeader, NetworkHeader, PassHeader, SideInputCode, Table, decode_header, encode_header};
 use super::quantise::{is_quantised, quantise, restored_maps};
 
 /// The latest version of the `.lfd` format; this library reads all from 1.
-pub const FORMAT_VERSION: u32 = 3;
+pub const FORMAT_VERSION: u32 = 4;
+/// Since this version networks can take noise.
+const NOISE: u32 = 4;
 /// Since this version networks follow the header.
 const NETWORKS: u32 = 3;
 /// Since this version the file ends with a hash over everything before it.
@@ -127,7 +129,11 @@ pub fn to_bytes(dictionary: &Dictionary) -> Result<Vec<u8>, Error> {
         tables: payload.tables,
         sha256: Sha256::digest(&payload.bytes).into(),
     };
-    let version = if networks.is_empty() { NETWORKS - 1 } else { NETWORKS };
+    let version = match networks.iter().map(|n| n.side_inputs.iter().any(|s| matches!(s, SideInputCode::Noise))).max() {
+        None => NETWORKS - 1,
+        Some(false) => NETWORKS,
+        Some(true) => NOISE,
+    };
     let header = encode_header(&header, &networks).map_err(Error::Parameter)?;
     if header.len() > limits::HEADER {
         return Err(Error::Parameter(format!("the recipe takes {} bytes, too many", header.len())));
@@ -316,14 +322,14 @@ mod tests {
     use super::super::super::validate::tests::small_dictionary;
     use super::super::{from_bytes, load, save};
     use super::*;
-    use crate::interpolation::Interpolation;
+    use crate::dictionary::SideInput;
     use proptest::prelude::*;
 
     /// A dictionary with a network, which version 3 is written for.
     fn with_network() -> Dictionary {
         let mut dictionary = small_dictionary(1);
         dictionary.models[0].patch_model.network =
-            Some(random_network(5, &[Interpolation::Barycentric, Interpolation::Cubic]));
+            Some(random_network(5, &[SideInput::Barycentric, SideInput::Cubic, SideInput::Noise]));
         dictionary
     }
 

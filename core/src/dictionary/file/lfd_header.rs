@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::super::limits;
 use super::super::model::{Footprint, Storage};
+use super::super::patch_model::SideInput;
 use crate::interpolation::Interpolation;
 
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -48,7 +49,7 @@ pub(super) struct NetworkHeader {
     pub(super) pass: u32,
     pub(super) support: u32,
     pub(super) floor: f32,
-    pub(super) side_inputs: Vec<InterpolationCode>,
+    pub(super) side_inputs: Vec<SideInputCode>,
     pub(super) filters_per_input: Vec<u32>,
     pub(super) layers: u32,
 }
@@ -86,6 +87,14 @@ pub(super) enum InterpolationCode {
     Multiview,
 }
 
+/// [`SideInput`] in the file.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+pub(super) enum SideInputCode {
+    Barycentric,
+    Cubic,
+    Noise,
+}
+
 /// Both directions between a type and its code.
 macro_rules! coded {
     ($type:ident, $code:ident, $($variant:ident),+) => {
@@ -104,6 +113,7 @@ macro_rules! coded {
 
 coded!(Storage, StorageCode, F32, I8);
 coded!(Footprint, FootprintCode, Point, Lenslet, Grid);
+coded!(SideInput, SideInputCode, Barycentric, Cubic, Noise);
 coded!(Interpolation, InterpolationCode, Barycentric, Cubic, Bicubic, Multiview);
 
 fn configuration() -> impl bincode::config::Config {

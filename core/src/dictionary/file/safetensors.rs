@@ -306,7 +306,7 @@ mod tests {
     use super::super::super::validate::tests::small_dictionary;
     use super::super::{from_bytes, to_bytes};
     use super::*;
-    use crate::interpolation::Interpolation;
+    use crate::dictionary::SideInput;
 
     /// Two models, one of them with a network.
     fn two_models(storage: Storage) -> Dictionary {
@@ -316,7 +316,7 @@ mod tests {
         dictionary.models[1].footprint = Footprint::Lenslet;
         dictionary.models[1].patch_model.anchored = None;
         dictionary.models[1].patch_model.network =
-            Some(random_network(5, &[Interpolation::Barycentric, Interpolation::Cubic]));
+            Some(random_network(5, &[SideInput::Barycentric, SideInput::Cubic, SideInput::Noise]));
         dictionary.storage = storage;
         // As read from a file: storing maps as bytes has rounded them.
         from_bytes(&to_bytes(&dictionary).unwrap(), "t").unwrap()

@@ -10,16 +10,15 @@ use super::super::error::Error;
 use super::super::features::{extract_features, row_norms};
 use super::super::limits;
 use super::super::model::Model;
-use super::super::patch_model::{Layer, Network, PatchModel};
+use super::super::patch_model::{Layer, Network, PatchModel, SideInput};
 use super::predictor::PredictPatches;
-use crate::interpolation::Interpolation;
 use crate::linalg::{Par, product};
 
 /// The model's network.
 #[derive(Debug)]
 pub(super) struct PatchNetwork {
     model: Arc<Model>,
-    side_inputs: Vec<Interpolation>,
+    side_inputs: Vec<SideInput>,
     /// Sides of the windows and of the patch, pixels.
     support: usize,
     patch: usize,
@@ -59,9 +58,6 @@ pub(in super::super) fn check_network(network: &Network) -> Result<(), Error> {
             network.filters_per_input
         ));
     }
-    if network.side_inputs.iter().any(|b| !matches!(b, Interpolation::Barycentric | Interpolation::Cubic)) {
-        return wrong("side inputs are interpolations of the view's own samples: barycentric, cubic".into());
-    }
     let patch = network.patch();
     let outputs = network.layers.last().map_or(0, |l| l.bias.len());
     if patch.is_multiple_of(2) || patch > network.support || patch * patch != outputs {
@@ -95,7 +91,7 @@ impl PredictPatches for PatchNetwork {
         self.patch
     }
 
-    fn side_inputs(&self) -> &[Interpolation] {
+    fn side_inputs(&self) -> &[SideInput] {
         &self.side_inputs
     }
 
@@ -189,7 +185,7 @@ pub(crate) mod tests {
     use rand::{RngExt, SeedableRng};
 
     /// A network of random numbers: these side inputs, one hidden layer.
-    pub(crate) fn random_network(seed: u64, side_inputs: &[Interpolation]) -> Network {
+    pub(crate) fn random_network(seed: u64, side_inputs: &[SideInput]) -> Network {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut random = |r, c| Array2::from_shape_fn((r, c), |_| rng.random::<f32>() - 0.5);
         let filters_per_input: Vec<usize> = (0..=side_inputs.len()).map(|i| 5 - i).collect();
@@ -231,7 +227,7 @@ pub(crate) mod tests {
     #[test]
     fn the_network_equals_its_definition() {
         let plane = |k: usize| Array2::from_shape_fn((12, 15), |(y, x)| ((y * 31 + x * (17 + k)) % 23) as f32 / 23.0);
-        for side_inputs in [&[][..], &[Interpolation::Cubic], &[Interpolation::Barycentric, Interpolation::Cubic]] {
+        for side_inputs in [&[][..], &[SideInput::Cubic], &[SideInput::Barycentric, SideInput::Cubic, SideInput::Noise]] {
             let network = random_network(3, side_inputs);
             check_network(&network).unwrap();
             let padded: Vec<Array2<f32>> = (0..=side_inputs.len()).map(|k| pad_mirrored(plane(k).view(), 3)).collect();

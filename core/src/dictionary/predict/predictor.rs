@@ -4,8 +4,7 @@ use ndarray::Array2;
 
 use super::super::error::Error;
 use super::super::features::extract_features;
-use super::super::patch_model::PatchModel;
-use crate::interpolation::Interpolation;
+use super::super::patch_model::{PatchModel, SideInput};
 
 /// Predicts the residual patches (high − low) around places of a plane.
 pub(crate) trait PredictPatches: std::fmt::Debug + Send + Sync {
@@ -23,7 +22,7 @@ pub(crate) trait PredictPatches: std::fmt::Debug + Send + Sync {
     }
 
     /// The images of the view that are inputs besides the low one.
-    fn side_inputs(&self) -> &[Interpolation] {
+    fn side_inputs(&self) -> &[SideInput] {
         &[]
     }
 
