@@ -145,7 +145,10 @@ fn what_made_refined_views_is_said_and_what_a_dictionary_lacks_is_refused() {
     }
     let infer = |more: &[&str]| run(&[&["infer", text(&refined), "--out", text(&at("no"))], more].concat());
     let refusals: [(&[&str], &[&str]); 3] = [
-        (&["--without-samples", "--path", "network"], &["dictionary multiview", "samples", "barycentric and cubic"]),
+        (
+            &["--without-samples", "--path", "network"],
+            &["dictionary multiview", "samples", "barycentric, cubic and noise"],
+        ),
         (&["--dictionary", "small", "--path", "network"], &["dictionary small", "no network", "LASSO"]),
         (&["--dictionary", "nowhere"], &["nowhere"]),
     ];

@@ -51,7 +51,8 @@ fn told_noise() -> Dictionary {
 
 #[test]
 fn dictionaries_of_versions_2_to_4() {
-    let all = [("golden-2.lfd", 2, plain()), ("golden-3.lfd", 3, small_dictionary()), ("golden-4.lfd", 4, told_noise())];
+    let all =
+        [("golden-2.lfd", 2, plain()), ("golden-3.lfd", 3, small_dictionary()), ("golden-4.lfd", 4, told_noise())];
     for (name, number, truth) in all {
         let path = golden(name, |path| std::fs::write(path, dictionary::to_bytes(&truth).unwrap()).unwrap());
         assert_eq!(version(&path), number, "{name}");

@@ -1,6 +1,6 @@
 //! Errors of dictionaries, by cause.
 
-use super::patch_model::SideInput;
+use super::side_input::SideInput;
 
 /// Errors of reading, writing and using dictionaries.
 #[derive(Debug, thiserror::Error)]
@@ -81,6 +81,10 @@ impl Error {
     #[must_use]
     pub fn no_side_inputs(inputs: &[SideInput]) -> Error {
         let names: Vec<&str> = inputs.iter().map(|i| i.name()).collect();
-        Error::NoSideInputs { inputs: names.join(" and ") }
+        let inputs = match names.split_last() {
+            Some((last, others)) if !others.is_empty() => format!("{} and {last}", others.join(", ")),
+            _ => names.concat(),
+        };
+        Error::NoSideInputs { inputs }
     }
 }

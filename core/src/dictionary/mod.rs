@@ -52,6 +52,7 @@ mod patch_model;
 mod predict;
 mod recipe;
 mod reconstruct;
+mod side_input;
 mod validate;
 
 pub use error::Error;
@@ -59,8 +60,9 @@ pub use features::{copy_windows, extract_features, gradient_operator, learn_comp
 pub use file::{FORMAT_VERSION, Format, export_npy, from_bytes, load, read_kinds, save, to_bytes};
 pub use model::{Dictionary, Footprint, Model, ModelKind, Storage};
 pub use options::ReconstructionOptions;
-pub use patch_model::{Anchored, Layer, Network, PatchModel, PatchPredictor, SideInput};
+pub use patch_model::{Anchored, Layer, Network, PatchModel, PatchPredictor};
 pub use predict::{nearest_anchors, network_inputs};
 pub use recipe::{Photo, Recipe};
 pub use reconstruct::PlaneReconstructor;
+pub use side_input::SideInput;
 pub use validate::validate;

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::Error;
 use super::limits;
+use super::side_input::SideInput;
 
 /// How the residual of a patch is predicted from the features of its window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -128,37 +129,6 @@ pub struct Anchored {
     pub anchors: Array2<f32>,
     /// One linear map per anchor, K'×m×patch²: residual = fᵀ·map.
     pub maps: Array3<f32>,
-}
-
-/// An image of a view that a network takes besides the low image.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum SideInput {
-    /// The view's own samples, linear over triangles.
-    Barycentric,
-    /// The view's own samples, by a C¹ cubic surface.
-    Cubic,
-    /// The low image, brighter by the standard deviation of its samples' noise at each pixel's brightness: a window of
-    /// a few pixels does not tell texture from noise.
-    Noise,
-}
-
-impl SideInput {
-    /// The name in files and messages.
-    ///
-    /// ```
-    /// use lenslet_core::dictionary::SideInput;
-    ///
-    /// assert_eq!(SideInput::Noise.name(), "noise");
-    /// ```
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            SideInput::Barycentric => "barycentric",
-            SideInput::Cubic => "cubic",
-            SideInput::Noise => "noise",
-        }
-    }
 }
 
 /// One layer of a [`Network`]: `weights`·x + `bias`; all but the last are rectified (negative values become 0).

@@ -10,8 +10,9 @@ use super::features::pad_mirrored;
 use super::model::Model;
 use super::options::ReconstructionOptions;
 use super::overlap_add::{add_residuals, mirrored_copy};
-use super::patch_model::{PatchPredictor, SideInput};
+use super::patch_model::PatchPredictor;
 use super::predict::{self, PredictPatches};
+use super::side_input::SideInput;
 
 /// A model prepared for the reconstruction of planes.
 ///

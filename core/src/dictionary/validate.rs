@@ -64,9 +64,10 @@ fn check_patch_model(parts: &PatchModel) -> Result<(), Error> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::super::model::{Footprint, Model, Storage};
-    use super::super::patch_model::{Anchored, Network, SideInput};
+    use super::super::patch_model::{Anchored, Network};
     use super::super::predict::network_tests::random_network;
     use super::super::recipe::{Photo, Recipe};
+    use super::super::side_input::SideInput;
     use super::*;
     use crate::interpolation::Interpolation;
     use rand::rngs::ChaCha8Rng;

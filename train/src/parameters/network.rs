@@ -11,7 +11,7 @@ use crate::error::Error;
 /// | name | default | purpose | range |
 /// |---|---|---|---|
 /// | `beside` (field `side_inputs`) | none | further inputs of the base multiview: barycentric, cubic, noise | |
-/// | `features` | \[60\] | principal components kept of the low image, then of each side input | 1 … (window+4)² − 1, at most 4·window² |
+/// | `features` | \[60\] | principal components kept of the low image, then of each side input | 2 (of side inputs 1) … (window+4)² − 1, at most 4·window² |
 /// | `window` | 9 | side of the window whose gradients are features | odd, 3 … 25 |
 /// | `patch` | 5 | side of a residual patch | odd, 3 … window + 4 |
 /// | `hidden` | \[256, 128\] | outputs of each hidden layer | one to four of 1 … 4096 |
@@ -69,7 +69,9 @@ impl NetworkParameters {
                 self.side_inputs.len() + 1
             ));
         }
-        if self.features.iter().any(|f| !(1..=DictionaryParameters::most_features(self.window)).contains(f)) {
+        let most = DictionaryParameters::most_features(self.window);
+        let in_range = |(which, &count): (usize, &usize)| (if which == 0 { 2 } else { 1 }..=most).contains(&count);
+        if !self.features.iter().enumerate().all(in_range) {
             return wrong(format!("features {:?} are out of range", self.features));
         }
         if !(1..=4).contains(&self.hidden.len()) || self.hidden.iter().any(|h| !(1..=4096).contains(h)) {

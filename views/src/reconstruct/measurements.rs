@@ -68,11 +68,7 @@ impl Measurements {
     ///
     /// # Errors
     /// Another number of channels, an empty view.
-    pub fn noise(
-        &self,
-        values: ArrayView2<'_, f32>,
-        refined: Option<&Array2<f32>>,
-    ) -> Result<NoiseCurve, Error> {
+    pub fn noise(&self, values: ArrayView2<'_, f32>, refined: Option<&Array2<f32>>) -> Result<NoiseCurve, Error> {
         if let Some(sigma) = self.given {
             return Ok(NoiseCurve::constant(if sigma.is_finite() { sigma.max(0.0) } else { 0.0 }));
         }
@@ -124,7 +120,9 @@ impl Measurements {
                 let plane = cubic.apply(ndarray::aview1(&samples).insert_axis(Axis(1)))?;
                 Ok(plane.index_axis_move(Axis(2), 0).mapv(|v| v.clamp(0.0, 1.0)))
             }
-            (SideInput::Cubic, None) => Err(Error::Parameter("no cubic image of a view's own samples was prepared".into())),
+            (SideInput::Cubic, None) => {
+                Err(Error::Parameter("no cubic image of a view's own samples was prepared".into()))
+            }
         };
         wanted.iter().map(image).collect()
     }

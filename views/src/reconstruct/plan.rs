@@ -104,7 +104,12 @@ mod tests {
         let alone = |mode| with(mode, &refined.models[0], Available::ViewAlone);
         assert_eq!(alone(Mode::Learned).unwrap().predictor, PatchPredictor::Lasso);
         assert_eq!(alone(Mode::Fast).unwrap().predictor, PatchPredictor::Anchored);
-        assert!(alone(Mode::Only(PatchPredictor::Network)).unwrap_err().to_string().contains("barycentric and cubic"));
+        assert!(
+            alone(Mode::Only(PatchPredictor::Network))
+                .unwrap_err()
+                .to_string()
+                .contains("barycentric, cubic and noise")
+        );
         // A dictionary without a network is told from one with.
         let small = embedded_by_name("small").unwrap().unwrap();
         let refused =

@@ -22,7 +22,9 @@ use super::super::model::{Dictionary, Model, ModelKind, Storage};
 use super::super::patch_model::{Matrix, NetworkNumbers, PatchNumbers, Values, assemble, matrices};
 use super::super::recipe::Recipe;
 use super::super::validate::validate;
-use super::lfd_header::{Header, ModelHeader, NetworkHeader, PassHeader, SideInputCode, Table, decode_header, encode_header};
+use super::lfd_header::{
+    Header, ModelHeader, NetworkHeader, PassHeader, SideInputCode, Table, decode_header, encode_header,
+};
 use super::quantise::{is_quantised, quantise, restored_maps};
 
 /// The latest version of the `.lfd` format; this library reads all from 1.

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::super::limits;
 use super::super::model::{Footprint, Storage};
-use super::super::patch_model::SideInput;
+use super::super::side_input::SideInput;
 use crate::interpolation::Interpolation;
 
 #[derive(Debug, Clone, Serialize, Deserialize)]

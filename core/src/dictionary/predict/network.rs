@@ -10,7 +10,8 @@ use super::super::error::Error;
 use super::super::features::{extract_features, row_norms};
 use super::super::limits;
 use super::super::model::Model;
-use super::super::patch_model::{Layer, Network, PatchModel, SideInput};
+use super::super::patch_model::{Layer, Network, PatchModel};
+use super::super::side_input::SideInput;
 use super::predictor::PredictPatches;
 use crate::linalg::{Par, product};
 
@@ -227,7 +228,8 @@ pub(crate) mod tests {
     #[test]
     fn the_network_equals_its_definition() {
         let plane = |k: usize| Array2::from_shape_fn((12, 15), |(y, x)| ((y * 31 + x * (17 + k)) % 23) as f32 / 23.0);
-        for side_inputs in [&[][..], &[SideInput::Cubic], &[SideInput::Barycentric, SideInput::Cubic, SideInput::Noise]] {
+        for side_inputs in [&[][..], &[SideInput::Cubic], &[SideInput::Barycentric, SideInput::Cubic, SideInput::Noise]]
+        {
             let network = random_network(3, side_inputs);
             check_network(&network).unwrap();
             let padded: Vec<Array2<f32>> = (0..=side_inputs.len()).map(|k| pad_mirrored(plane(k).view(), 3)).collect();

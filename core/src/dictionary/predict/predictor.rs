@@ -4,7 +4,8 @@ use ndarray::Array2;
 
 use super::super::error::Error;
 use super::super::features::extract_features;
-use super::super::patch_model::{PatchModel, SideInput};
+use super::super::patch_model::PatchModel;
+use super::super::side_input::SideInput;
 
 /// Predicts the residual patches (high − low) around places of a plane.
 pub(crate) trait PredictPatches: std::fmt::Debug + Send + Sync {
