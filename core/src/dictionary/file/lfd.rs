@@ -336,9 +336,12 @@ mod tests {
     }
 
     #[test]
-    fn networks_come_back_and_need_version_3() {
+    fn networks_come_back_and_need_version_3_or_4() {
         let bytes = to_bytes(&with_network()).unwrap();
-        assert_eq!((bytes[8], to_bytes(&small_dictionary(1)).unwrap()[8]), (3, 2));
+        let mut without_noise = with_network();
+        without_noise.models[0].patch_model.network = Some(random_network(5, &[SideInput::Cubic]));
+        let versions = [small_dictionary(1), without_noise, with_network()].map(|d| to_bytes(&d).unwrap()[8]);
+        assert_eq!(versions, [2, 3, 4]);
         assert_eq!(from_bytes(&bytes, "t").unwrap(), with_network());
         for n in (0..bytes.len()).step_by(7) {
             assert!(from_bytes(&bytes[..n], "t").is_err(), "{n} of {} bytes", bytes.len());
