@@ -225,12 +225,15 @@ fn markdown(sets: &Map<String, Value>) -> String {
 fn main() -> anyhow::Result<()> {
     let a = Arguments::parse();
     ensure!(!a.photos.is_empty() || !a.fields.is_empty(), "name photos or light fields");
-    let given = a.dictionary.as_deref().map(dictionary::load).transpose()?;
-    let learned = [Interpolation::Barycentric, Interpolation::Multiview].map(|base| {
-        let given = given.as_ref().filter(|d| d.models.iter().all(|m| m.base == base));
-        Ok::<_, anyhow::Error>((base, given.map_or_else(|| embedded_dictionary_for(base), |d| Ok(d.clone()))?))
-    });
-    let learned = learned.into_iter().collect::<anyhow::Result<Vec<_>>>()?;
+    let learned = [Interpolation::Barycentric, Interpolation::Multiview]
+        .map(|base| Ok::<_, anyhow::Error>((base, embedded_dictionary_for(base)?)));
+    let mut learned = learned.into_iter().collect::<anyhow::Result<Vec<_>>>()?;
+    if let Some(file) = &a.dictionary {
+        let given = dictionary::load(file)?;
+        let base = given.models.first().map(|m| m.base);
+        let place = learned.iter_mut().find(|(of, _)| Some(*of) == base);
+        place.context("the dictionary is neither for barycentric nor for refined views")?.1 = given;
+    }
     let mut out = Map::new();
     for (name, photos) in photo_sets(&a.photos)? {
         let mut rows = Vec::new();

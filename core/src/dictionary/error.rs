@@ -64,11 +64,11 @@ pub enum Error {
     },
     /// A network was asked for where its side inputs are not available.
     #[error(
-        "the network needs {inputs} interpolations of the view's own samples, which are not there: \
+        "the network's inputs ({inputs}) are made of the view's own samples, which are not there: \
          samples.npz belongs beside the light field"
     )]
     NoSideInputs {
-        /// Which interpolations it takes.
+        /// Their names.
         inputs: String,
     },
     /// The sparse solver refused its input.

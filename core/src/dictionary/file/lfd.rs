@@ -327,7 +327,7 @@ mod tests {
     use crate::dictionary::SideInput;
     use proptest::prelude::*;
 
-    /// A dictionary with a network, which version 3 is written for.
+    /// A dictionary with a network that takes noise, which version 4 is written for.
     fn with_network() -> Dictionary {
         let mut dictionary = small_dictionary(1);
         dictionary.models[0].patch_model.network =
