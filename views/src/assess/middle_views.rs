@@ -8,9 +8,10 @@ use lenslet_core::progress::Observer;
 use ndarray::{Array3, ArrayView3};
 
 use super::rays::Rays;
+use super::withheld::{refined_middle, without_foretold};
 use crate::Error;
 use crate::method::Method;
-use crate::multiview::{self, Fit, RefinedViews, SampleSet};
+use crate::multiview::{Fit, SampleSet};
 use crate::reconstruct::embedded_dictionary_for;
 use crate::renderer::{InterpolatedViews, LearnedViews};
 
@@ -100,11 +101,17 @@ impl<'a> MiddleViews<'a> {
         }
         let mut known = self.rays.disparity().clone();
         known *= size.width as f32 / self.size.width as f32;
-        let samples = if withheld { self.rays.withheld() } else { self.samples };
-        let options = multiview::Options { fit, known: Some(known), ..multiview::Options::default() };
-        let views = RefinedViews::estimate(SampleSet::hexagonal(samples, size)?, &options, observer)?;
-        let middle = self.samples.views / 2;
-        views.render_view(middle, middle)
+        let set =
+            if withheld { without_foretold(self.samples, size)? } else { SampleSet::hexagonal(self.samples, size)? };
+        refined_middle(set, fit, known, observer)
+    }
+
+    /// The middle view refined by this fit without the samples that are foretold, (t, s, c), linear light.
+    ///
+    /// # Errors
+    /// As the refinement; interruption.
+    pub fn refined_withheld(&self, fit: Fit, observer: &dyn Observer) -> Result<Array3<f32>, Error> {
+        self.refined(true, fit, &self.size, observer)
     }
 }
 

@@ -3,7 +3,7 @@
 //! With x = p − D(x)·u the place of the sample f at p of view u, a picture I errs by e = I(x) − f, I(x) its mean over a disc
 //! of one pitch around x, as a lenslet gathers it: of linear light, both then sRGB-encoded luminance. D is one map for all
 //! pictures. The lenslets whose samples are foretold are
-//! withheld from the refinement by other views ([`Rays::withheld`]); the middle view keeps all of its own. From e its local
+//! withheld from the refinement by other views; the middle view keeps all of its own. From e its local
 //! mean by view is taken out (what white images leave), and the places that the mean of two methods misses most are left
 //! out (surfaces hidden in one of the views).
 
@@ -20,7 +20,7 @@ use super::nearest::NearestPlace;
 use super::picture::{encode, encoded_light, light_of, linear_light, mean_of};
 use super::ray_places::{RayPlaces, sample_points, view_steps};
 use super::statistics::{Difference, SquaredErrors};
-use super::withheld::{is_withheld, refined_middle, withhold_samples};
+use super::withheld::{is_withheld, least_squares_without_foretold};
 use crate::Error;
 use crate::multiview::{self, Fit, RefinedViews, SampleSet};
 use crate::renderer::InterpolatedViews;
@@ -68,7 +68,6 @@ pub struct Rays {
     /// By view.
     views: Vec<Vec<Ray>>,
     disparity: Array2<f32>,
-    withheld: HexSamples,
     refined: Array3<f32>,
     refined_from_all: Array3<f32>,
     barycentric: Array3<f32>,
@@ -97,8 +96,7 @@ impl Rays {
         let refined_from_all = all.render_view(middle, middle)?;
         let disparity = all.disparities().middle.disparity.clone();
         drop(all);
-        let withheld = withhold_samples(samples, size, &disparity, observer)?;
-        let refined = refined_middle(&withheld, size, &disparity, observer)?;
+        let refined = least_squares_without_foretold(samples, size, &disparity, observer)?;
         let barycentric = InterpolatedViews::prepare(samples, Interpolation::Barycentric, size, observer)?;
         let barycentric = barycentric.render_view(middle, middle)?.into_pixels();
         let mut rays = Rays {
@@ -107,7 +105,6 @@ impl Rays {
             lenslets: samples.centres.len(),
             views: foretelling_rays(samples, size, &disparity),
             disparity,
-            withheld,
             refined,
             refined_from_all,
             barycentric,
@@ -129,13 +126,7 @@ impl Rays {
         &self.disparity
     }
 
-    /// The samples that methods which use other views must render from: those that are foretold are not in them.
-    #[must_use]
-    pub fn withheld(&self) -> &HexSamples {
-        &self.withheld
-    }
-
-    /// The middle view refined from [`Rays::withheld`] by least squares, (t, s, c), linear light.
+    /// The middle view refined by least squares without the samples that are foretold, (t, s, c), linear light.
     #[must_use]
     pub fn refined(&self) -> ArrayView3<'_, f32> {
         self.refined.view()

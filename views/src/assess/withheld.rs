@@ -1,9 +1,10 @@
 //! Samples without those of some lenslets in all views but the middle one, as far as multi-view refinement goes.
 //!
-//! A sample set has a value of every lenslet in every view. In place of a withheld value stands what the refined middle
-//! view itself shows where its ray meets it, found in turns: fill from a view interpolated from the middle view's own
-//! samples, refine, fill from the refined view, and so on. At the fixed point these rays leave no residual, so the fit is
-//! that of the other rays alone (expectation and maximisation of a least-squares fit with missing values).
+//! The joint fit and the triangulation do without them ([`without_foretold`]). For least squares, whose samples are points,
+//! there stands in place of a withheld value what the refined middle view itself shows where its ray meets it, found in
+//! turns: fill from a view interpolated from the middle view's own samples, refine, fill from the refined view, and so on.
+//! At the fixed point these rays leave no residual, so the fit is that of the other rays alone (expectation and
+//! maximisation of a least-squares fit with missing values).
 
 use lenslet_core::decode::HexSamples;
 use lenslet_core::geometry::Size;
@@ -43,31 +44,41 @@ pub(super) fn hash_of([i, j]: [i32; 2]) -> u64 {
     z ^ (z >> 31)
 }
 
-/// The middle view refined by all samples of `samples` with the disparity given, (t, s, c).
+/// The samples of `samples` for views of `size`, those that are foretold kept from the refinement of the middle view.
+///
+/// # Errors
+/// As [`SampleSet::hexagonal`].
+pub(super) fn without_foretold<'a>(samples: &'a HexSamples, size: &Size) -> Result<SampleSet<'a>, Error> {
+    let middle = samples.view_index(samples.views / 2, samples.views / 2);
+    Ok(SampleSet::hexagonal(samples, size)?.withholding(|lenslet| is_withheld(samples.index[lenslet]), middle))
+}
+
+/// The middle view (t, s, c) that `set` gives with its disparity known.
+///
+/// # Errors
+/// As the refinement; interruption.
 pub(super) fn refined_middle(
+    set: SampleSet<'_>,
+    fit: Fit,
+    disparity: Array2<f32>,
+    observer: &dyn Observer,
+) -> Result<Array3<f32>, Error> {
+    observer.check()?;
+    let middle = (set.views().0 / 2, set.views().1 / 2);
+    let options = multiview::Options { fit, known: Some(disparity), ..multiview::Options::default() };
+    RefinedViews::estimate(set, &options, observer)?.render_view(middle.0, middle.1)
+}
+
+/// The middle view refined by least squares without the values that are foretold.
+///
+/// # Errors
+/// As the refinement; interruption.
+pub(super) fn least_squares_without_foretold(
     samples: &HexSamples,
     size: &Size,
     disparity: &Array2<f32>,
     observer: &dyn Observer,
 ) -> Result<Array3<f32>, Error> {
-    observer.check()?;
-    let options =
-        multiview::Options { fit: Fit::LeastSquares, known: Some(disparity.clone()), ..multiview::Options::default() };
-    let refined = RefinedViews::estimate(SampleSet::hexagonal(samples, size)?, &options, observer)?;
-    let middle = samples.views / 2;
-    refined.render_view(middle, middle)
-}
-
-/// `samples` with the withheld values replaced.
-///
-/// # Errors
-/// As the refinement; interruption.
-pub(super) fn withhold_samples(
-    samples: &HexSamples,
-    size: &Size,
-    disparity: &Array2<f32>,
-    observer: &dyn Observer,
-) -> Result<HexSamples, Error> {
     let middle = samples.views / 2;
     let cubic = InterpolatedViews::prepare(samples, Interpolation::Cubic, size, observer)?;
     let mut picture = cubic.render_view(middle, middle)?.into_pixels();
@@ -75,13 +86,12 @@ pub(super) fn withhold_samples(
     let points = sample_points(samples, size);
     let withheld: Vec<usize> = (0..points.len()).filter(|&k| is_withheld(samples.index[k])).collect();
     let mut rest = samples.clone();
-    for round in 0..=ROUNDS {
+    for _ in 0..=ROUNDS {
         fill(&mut rest, &withheld, &points, &places, &picture);
-        if round < ROUNDS {
-            picture = refined_middle(&rest, size, disparity, observer)?;
-        }
+        let set = SampleSet::hexagonal(&rest, size)?;
+        picture = refined_middle(set, Fit::LeastSquares, disparity.clone(), observer)?;
     }
-    Ok(rest)
+    Ok(picture)
 }
 
 /// Replaces the withheld values of all views but the middle one by what `picture` shows at their rays.

@@ -131,7 +131,7 @@ impl Carried {
     }
 }
 
-/// Calls `each` for the samples `some` of the view `from`, carried to the view `target`.
+/// Calls `each` for the samples `some` of the view `from` that are not withheld, carried to the view `target`.
 #[inline(always)]
 pub(super) fn carry_samples(
     set: &SampleSet,
@@ -144,7 +144,9 @@ pub(super) fn carry_samples(
     let (steps, light) = (du.abs().max(dv.abs()), set.weights[from] * set.weights[from]);
     let first = from * set.points.len() + some.start;
     for ((i, p), &d) in set.points[some].iter().enumerate().zip(&disparities.samples[first..]) {
-        each(Carried { sample: first + i, place: (p[0] - d * du, p[1] - d * dv), disparity: d, steps, light });
+        if !set.is_withheld(first + i) {
+            each(Carried { sample: first + i, place: (p[0] - d * du, p[1] - d * dv), disparity: d, steps, light });
+        }
     }
 }
 

@@ -34,6 +34,8 @@ pub struct SampleSet<'a> {
     single_view: SingleView,
     /// Factors by which the light of views was raised to that of the others; empty where it was not.
     gains: Vec<f32>,
+    /// Whether a sample (all views in a row) is kept from other views; empty where none is.
+    withheld: Vec<bool>,
 }
 
 /// Whether the values are linear light or sRGB-encoded.
@@ -126,6 +128,20 @@ impl<'a> SampleSet<'a> {
         Ok(set)
     }
 
+    /// Keeps the samples at the places for which `withheld` says so from the refinement of other views, in all views but the
+    /// one numbered `but`.
+    pub(crate) fn withholding(mut self, withheld: impl Fn(usize) -> bool, but: usize) -> Self {
+        let count = self.points.len();
+        self.withheld = (0..self.lanes.len()).map(|k| k / count != but && withheld(k % count)).collect();
+        self
+    }
+
+    /// Whether other views do without this sample.
+    #[inline(always)]
+    pub(super) fn is_withheld(&self, sample: usize) -> bool {
+        self.withheld.get(sample).is_some_and(|&withheld| withheld)
+    }
+
     /// Whether view `k` is too dark to be refined, or to refine others.
     pub(super) fn is_dark(&self, k: usize) -> bool {
         matches!(self.single_view, SingleView::Grid { .. }) && self.weights[k] <= 0.0
@@ -193,6 +209,7 @@ impl<'a> SampleSet<'a> {
             pitch,
             single_view,
             gains: Vec::new(),
+            withheld: Vec::new(),
         })
     }
 

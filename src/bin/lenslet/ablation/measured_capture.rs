@@ -9,13 +9,14 @@ use lenslet_core::container::Capture;
 use lenslet_core::decode::HexSamples;
 use lenslet_core::geometry::Size;
 use lenslet_core::progress::Observer;
-use lenslet_views::assess::{Edges, Lines, RayErrors, Rays, compare_calibrations, holes_score};
+use lenslet_views::assess::{Edges, Lines, MiddleViews, RayErrors, Rays, compare_calibrations, holes_score};
+use lenslet_views::multiview::Fit;
 use ndarray::Array3;
 
 /// Scores by name.
 type Scores = BTreeMap<String, f64>;
 
-/// Name of the steps to samples without those that rays foretell.
+/// Name of the steps to refined views without the samples that rays foretell.
 pub(super) const WITHHELD: &str = "withheld";
 
 /// Name of the steps to samples with filled holes.
@@ -85,13 +86,17 @@ impl MethodMeasures {
         Ok(MethodMeasures { size: *size, rays, edges, lines, barycentric })
     }
 
-    /// The middle view refined by least squares, without the samples that are foretold.
-    pub(super) fn refined_withheld(&self) -> Array3<f32> {
-        self.rays.refined().to_owned()
+    /// The middle view refined by this fit, without the samples that are foretold.
+    pub(super) fn refined_withheld(
+        &self,
+        samples: &HexSamples,
+        fit: Fit,
+        observer: &dyn Observer,
+    ) -> Result<Array3<f32>> {
+        Ok(MiddleViews::new(samples, &self.rays, &self.size).refined_withheld(fit, observer)?)
     }
 
-    /// Measures the middle view `image` of one method; `again` renders it from other samples, given the name of the steps to
-    /// them.
+    /// Measures the middle view `image` of one method; `again` renders it after other steps, given their name and the samples.
     pub(super) fn scores_of(
         &self,
         samples: &HexSamples,
@@ -103,7 +108,7 @@ impl MethodMeasures {
         let mut put = |name: &str, value: f64| {
             scores.insert(name.to_owned(), value);
         };
-        let withheld = if uses_other_views { Some(again(WITHHELD, self.rays.withheld())?) } else { None };
+        let withheld = if uses_other_views { Some(again(WITHHELD, samples)?) } else { None };
         let rays = self.rays.measure(withheld.as_ref().unwrap_or(image).view())?;
         let over = rays.over(&self.barycentric);
         put("rays_psnr", rays.psnr());

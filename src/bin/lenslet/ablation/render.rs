@@ -66,13 +66,21 @@ impl RenderCache {
     }
 }
 
-/// Keeps views made elsewhere, as if [`render`] had made them.
-pub(super) fn keep_views(kept: &mut HashMap<String, Rendered>, steps: &str, method: Method, images: Vec<Array3<f32>>) {
-    kept.insert(format!("{steps} {}", method.name()), Rendered { images, seconds: 0.0 });
+/// Keeps a view made elsewhere, as if [`render`] had made it; nothing where there is one.
+pub(super) fn keep_view(
+    kept: &mut HashMap<String, Rendered>,
+    steps: &str,
+    method: Method,
+    make: impl FnOnce() -> Result<Array3<f32>>,
+) -> Result<()> {
+    if let Entry::Vacant(place) = kept.entry(format!("{steps} {}", method.name())) {
+        place.insert(Rendered { images: vec![make()?], seconds: 0.0 });
+    }
+    Ok(())
 }
 
 /// The method whose views a learned method starts from; of any other method itself.
-fn base(method: Method, dictionary: Option<&Dictionary>) -> Result<Method> {
+pub(super) fn base(method: Method, dictionary: Option<&Dictionary>) -> Result<Method> {
     let trained_on = || dictionary.and_then(|d| d.model(FOOTPRINT)).context("a learned method needs a dictionary");
     match method {
         Method::LearnedMultiview(_) => Ok(Method::multiview_by(Fit::for_dictionary(trained_on()?.footprint))),

@@ -20,7 +20,7 @@ use super::measured_capture::{MeasuredCapture, WITHHELD};
 use super::method::Method;
 use super::real_capture::RealCaptures;
 use super::record::Scored;
-use super::render::{RenderCache, keep_views, render};
+use super::render::{RenderCache, base, keep_view, render};
 use super::settings::Settings;
 use super::simulated_capture::SimulatedCaptures;
 use super::simulated_scene::SimulatedScene;
@@ -153,7 +153,8 @@ fn run_captured(
         let methods = measured.method_measures(path, samples, &target, observer)?;
         let mut again = |steps: &str, samples: &HexSamples| -> Result<Array3<f32>> {
             if steps == WITHHELD {
-                keep_views(kept, steps, Method::MultiviewLeastSquares, vec![methods.refined_withheld()]);
+                let base = base(chain.method, dictionary)?;
+                keep_view(kept, steps, base, || methods.refined_withheld(samples, base.fit(), observer))?;
             }
             let mut made = render((steps, samples), &target, chain.method, &wanted, dictionary, kept, observer)?;
             made.images.pop().context("no view was rendered")
