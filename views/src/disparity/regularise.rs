@@ -17,14 +17,14 @@ pub struct Penalties {
     pub edge: f32,
 }
 
-/// Costs summed along eight paths, pixel after pixel: `[(t·w + s)·K + k]`.
-pub fn semi_global(volume: &Volume, guide: &Plane, penalties: &Penalties) -> Vec<f32> {
+/// Costs, those of a pixel times its gain, summed along eight paths, pixel after pixel: `[(t·w + s)·K + k]`.
+pub fn semi_global(volume: &Volume, gains: &[f32], guide: &Plane, penalties: &Penalties) -> Vec<f32> {
     let (w, h, n) = (volume.width, volume.height, volume.hypotheses.len());
     let mut cost = vec![0f32; w * h * n];
     cost.par_chunks_mut(w * n).enumerate().for_each(|(t, row)| {
         for s in 0..w {
             for (k, plane) in volume.planes.iter().enumerate() {
-                row[s * n + k] = plane[t * w + s];
+                row[s * n + k] = gains[t * w + s] * plane[t * w + s];
             }
         }
     });

@@ -5,6 +5,7 @@ use lenslet_core::progress::Observer;
 use ndarray::Array2;
 use rayon::prelude::*;
 
+use super::depth_order::DepthOrder;
 use super::error::Error;
 use super::find_order::find_depth_order;
 use super::hidden::Hidden;
@@ -37,6 +38,10 @@ struct Smoothing {
     radius: usize,
     /// Brightness differences are cut off at this share of the option's value.
     truncation: f32,
+    /// Power of the local contrast that costs are divided by.
+    contrast: f32,
+    /// Confidence from which on a surface is taken to hide what is behind it.
+    sure: f32,
     penalties: regularise::Penalties,
 }
 
@@ -46,6 +51,12 @@ struct Smoothing {
 /// Source: measured at half the size: rendered views have 0.0012 to 0.0030, views of simulated captures 0.0053 to 0.0083.
 const NOISE: [f32; 2] = [0.0013, 0.0055];
 
+/// Costs that are, in the mean over all hypotheses, as high as the first are left as they are when divided by the local
+/// contrast; the second is added to both, so that costs of no contrast at all grow by a bounded factor.
+///
+/// Source: the best of those tried on two rendered light fields and four simulated scenes.
+const CONTRAST: [f32; 2] = [0.01, 0.001];
+
 /// Of clean views.
 ///
 /// Source: the best of those tried on two rendered light fields.
@@ -53,6 +64,8 @@ const CLEAN: Smoothing = Smoothing {
     noise: 0.0,
     radius: 1,
     truncation: 0.55,
+    contrast: 0.5,
+    sure: 0.3,
     penalties: regularise::Penalties { small: 0.005, large: 0.06, edge: 0.015 },
 };
 
@@ -63,6 +76,8 @@ const NOISY: Smoothing = Smoothing {
     noise: 1.0,
     radius: 2,
     truncation: 1.0,
+    contrast: 0.0,
+    sure: 0.0,
     penalties: regularise::Penalties { small: 0.009, large: 0.12, edge: 0.015 },
 };
 
@@ -80,6 +95,8 @@ impl Smoothing {
             noise: share,
             radius: if share < 0.5 { CLEAN.radius } else { NOISY.radius },
             truncation: mix(CLEAN.truncation, NOISY.truncation),
+            contrast: mix(CLEAN.contrast, NOISY.contrast),
+            sure: mix(CLEAN.sure, NOISY.sure),
             penalties: regularise::Penalties {
                 small: mix(a.small, b.small),
                 large: mix(a.large, b.large),
@@ -106,7 +123,7 @@ fn chance_within(out: f32, noise: f32) -> f32 {
 }
 
 /// The disparity at every pixel of the view `at`, of hypotheses within `range`. A first map tells how noisy the views are,
-/// and what is hidden where.
+/// and what is hidden where; that is found once more from the map that follows.
 pub(super) fn search(
     grid: &[Vec<Plane>],
     at: (usize, usize),
@@ -115,19 +132,22 @@ pub(super) fn search(
     observer: &dyn Observer,
 ) -> Result<Found, Error> {
     let reference = &grid[at.0][at.1];
-    let list = hypotheses(range, options.step, outermost_step(grid, at, options));
-    observer.begin("disparity", list.len() as u64 * 2);
-    let (hidden, smoothing) = first_map(grid, at, range, options, observer)?;
+    let reach = outermost_step(grid, at, options);
+    let list = hypotheses(range, options.step, reach);
+    observer.begin("disparity", list.len() as u64 * 3);
+    let FirstMap { hidden, order, smoothing } = first_map(grid, at, range, options, observer)?;
     let cut = Options { truncation: smoothing.truncation * options.truncation, ..options.clone() };
-    let volume = cost_volume(grid, at, list, smoothing.radius, Some(&hidden), &cut, observer)?;
-    let places = least_total(&volume, reference, &smoothing.penalties);
-    observer.check()?;
-    let n = volume.hypotheses.len();
-    let confidence = places.par_iter().enumerate().map(|(k, &(_, best))| {
-        let mean = volume.planes.iter().map(|p| p[k]).sum::<f32>() / n as f32;
-        confidence_of(mean, volume.planes[best][k])
-    });
-    let confidence = confidence.collect();
+    let look = |hidden: &Hidden| {
+        let volume = cost_volume(grid, at, list.clone(), smoothing.radius, Some(hidden), &cut, observer)?;
+        let look = Look::of(volume, reference, &smoothing);
+        observer.check()?;
+        Ok::<_, Error>(look)
+    };
+    let first = look(&hidden)?;
+    let margin = MARGIN * first.spacing();
+    let hidden = Hidden::of(&first.sure_surfaces(order, smoothing.sure), reference.width, reach, margin, order);
+    drop(first);
+    let Look { volume, places, confidence } = look(&hidden)?;
     let mut found = Found { disparity: places.iter().map(|p| p.0).collect(), confidence };
     refine_by_tensor(grid, at, &mut found, &volume, options);
     found.disparity = regularise::weighted_median(&found.disparity, &found.confidence, reference, 2, 0.03);
@@ -135,14 +155,55 @@ pub(super) fn search(
     Ok(found)
 }
 
-/// What hides what, and how costs are to be smoothed, by a map of half the size.
+/// Costs, and the disparity of least total cost of each pixel.
+struct Look {
+    volume: sweep::Volume,
+    /// Disparity, and the index of its hypothesis.
+    places: Vec<(f32, usize)>,
+    /// How far the least cost stands out.
+    confidence: Vec<f32>,
+}
+
+impl Look {
+    fn of(volume: sweep::Volume, reference: &Plane, smoothing: &Smoothing) -> Self {
+        let n = volume.hypotheses.len();
+        let mean = |k: usize| volume.planes.iter().map(|p| p[k]).sum::<f32>() / n as f32;
+        let means: Vec<f32> = (0..volume.width * volume.height).into_par_iter().map(mean).collect();
+        let gain = |m: &f32| ((CONTRAST[0] + CONTRAST[1]) / (m + CONTRAST[1])).powf(smoothing.contrast);
+        let gains: Vec<f32> = means.par_iter().map(gain).collect();
+        let places = least_total(&volume, &gains, reference, &smoothing.penalties);
+        let each = places.par_iter().zip(&means).enumerate();
+        let confidence = each.map(|(k, (place, &mean))| confidence_of(mean, volume.planes[place.1][k])).collect();
+        Look { volume, places, confidence }
+    }
+
+    /// Between hypotheses.
+    fn spacing(&self) -> f32 {
+        self.volume.hypotheses[1] - self.volume.hypotheses[0]
+    }
+
+    /// The disparity where it is at least as sure as that; elsewhere that of the furthest surface, which hides nothing.
+    fn sure_surfaces(&self, order: DepthOrder, least: f32) -> Vec<f32> {
+        let furthest = self.places.iter().map(|p| p.0).reduce(|a, b| order.behind(a, b)).unwrap_or(0.0);
+        let each = self.places.iter().zip(&self.confidence);
+        each.map(|(place, &confidence)| if confidence >= least { place.0 } else { furthest }).collect()
+    }
+}
+
+/// What a map of half the size tells.
+struct FirstMap {
+    hidden: Hidden,
+    order: DepthOrder,
+    smoothing: Smoothing,
+}
+
 fn first_map(
     grid: &[Vec<Plane>],
     at: (usize, usize),
     range: (f32, f32),
     options: &Options,
     observer: &dyn Observer,
-) -> Result<(Hidden, Smoothing), Error> {
+) -> Result<FirstMap, Error> {
     let (w, h) = (grid[at.0][at.1].width, grid[at.0][at.1].height);
     let reach = outermost_step(grid, at, options);
     let halved: Vec<Vec<Plane>>;
@@ -156,20 +217,26 @@ fn first_map(
     let list = hypotheses((range.0 / factor, range.1 / factor), options.step, reach);
     let volume = cost_volume(small, at, list, NOISY.radius, None, options, observer)?;
     let smoothing = Smoothing::of(&volume);
-    let first = least_total(&volume, reference, &smoothing.penalties).into_iter().map(|p| p.0).collect();
-    let map = Plane { width: reference.width, height: reference.height, data: first };
+    let first = Look::of(volume, reference, &smoothing);
+    let places = first.places.iter().map(|p| p.0).collect();
+    let map = Plane { width: reference.width, height: reference.height, data: places };
     let order = find_depth_order(&map, small, at, [1.0, 1.0], &|k| !options.uses(k));
     let place = |k: usize, n: usize| ((k as f32 / factor) as usize).min(n - 1);
     let enlarged: Vec<f32> =
         (0..w * h).map(|k| factor * map.row(place(k / w, map.height))[place(k % w, map.width)]).collect();
-    let margin = MARGIN * factor * (volume.hypotheses[1] - volume.hypotheses[0]);
-    Ok((Hidden::of(&enlarged, w, reach, margin, order), smoothing))
+    let margin = MARGIN * factor * first.spacing();
+    Ok(FirstMap { hidden: Hidden::of(&enlarged, w, reach, margin, order), order, smoothing })
 }
 
-/// The disparity of least total cost, pixel by pixel, and the index of its hypothesis.
-fn least_total(volume: &sweep::Volume, reference: &Plane, penalties: &regularise::Penalties) -> Vec<(f32, usize)> {
+/// The disparity of least total cost, pixel by pixel, and the index of its hypothesis; costs of a pixel times its gain.
+fn least_total(
+    volume: &sweep::Volume,
+    gains: &[f32],
+    reference: &Plane,
+    penalties: &regularise::Penalties,
+) -> Vec<(f32, usize)> {
     let n = volume.hypotheses.len();
-    let total = regularise::semi_global(volume, reference, penalties);
+    let total = regularise::semi_global(volume, gains, reference, penalties);
     let spacing = volume.hypotheses[1] - volume.hypotheses[0];
     total
         .par_chunks(n)
