@@ -9,9 +9,9 @@
 //! Two or three signals are processed at once, in turns, so that the processor computes for one while another waits for
 //! memory or for a chain of additions. Their numbers are independent of each other.
 
-use super::active_set_mixed::CONTINUATION;
 use super::candidate_search::{self, Search, find_entering};
 use super::certificate::{Settled, certified_gap};
+use super::continuation::Continuation;
 use super::product::{self, MAX_CHUNKS_SEARCHED_WHOLE};
 use super::scratch::{Scratch, Slot, Solved, Unfinished};
 use super::simd::{Chunk, Kernel, Lanes, flat};
@@ -21,15 +21,7 @@ use crate::sparse::penalty::Penalty;
 use crate::sparse::prepared::Prepared;
 use crate::sparse::problem::{Ended, Finished};
 
-/// Below this share of ‖y‖, λ falls to that of the problem by steps: fewer atoms enter in vain.
-///
-/// Source: chosen; with λ at once small λ took longer on nearly all sets of `benches/sparse_spams.py`.
-const SMALLEST_SHARE_AT_ONCE: f64 = 0.005;
-/// The share of ‖y‖ that it falls from.
-///
-/// Source: chosen.
-const FIRST_SHARE: f64 = 0.03;
-/// The share of ‖y‖ below which it does not fall in f32, which has no digits left of correlations as small.
+/// The share of ‖y‖ below which λ does not fall in f32, which has no digits left of correlations as small.
 ///
 /// Source: chosen; a hundred times the rounding of f32.
 const LAST_SHARE_IN_F32: f64 = 1e-5;
@@ -71,6 +63,7 @@ impl LassoBlock<'_> {
         let LassoBlock { dictionary, signals, settings, scratch } = self;
         let (m, width) = (dictionary.signal_len(), dictionary.width());
         let count = signals.len() / m;
+        let steps = Continuation::of(dictionary);
         let Scratch { correlations, slots, large, peaks, padded, residual, solved, unfinished, .. } = scratch;
         unfinished.clear();
         let chunks = m.div_ceil(16);
@@ -102,7 +95,7 @@ impl LassoBlock<'_> {
                 while live < slots.len() && next < count {
                     let row = &correlations[next * width..(next + 1) * width];
                     let signal = &padded[next * chunks..(next + 1) * chunks];
-                    start_signal(lanes, &task, &mut slots[live], signal, row, peaks, settings);
+                    start_signal(lanes, &task, &steps, &mut slots[live], signal, row, peaks, settings);
                     slots[live].signal = next;
                     live += 1;
                     next += 1;
@@ -125,7 +118,7 @@ impl LassoBlock<'_> {
                         continue;
                     }
                     Search::Satisfied { outside } => {
-                        let next = next_lambda(slot.lambda, slot.wanted, slot.norm);
+                        let next = next_lambda(&steps, slot);
                         if let Some(next) = next
                             && lower_lambda(lanes, slot.lambda, next, row, &mut slot.state)
                         {
@@ -137,7 +130,7 @@ impl LassoBlock<'_> {
                     Search::Full => {
                         grown = true;
                         large.grow_from(&slot.state);
-                        finish_in_large_state::<S, CANDIDATES>(lanes, &mut task, row, slot, large, peaks)
+                        finish_in_large_state::<S, CANDIDATES>(lanes, &mut task, &steps, row, slot, large, peaks)
                     }
                     Search::Failed => f32::INFINITY,
                 };
@@ -150,9 +143,15 @@ impl LassoBlock<'_> {
                     accept_if_certified(lanes, &task, settled, &mut slot.state, residual, &mut solved[n])
                 };
                 if !taken && grown {
-                    unfinished.push(leave_unfinished(slot, large, outside < f32::INFINITY, &mut solved[n]));
+                    unfinished.push(leave_unfinished(&steps, slot, large, outside < f32::INFINITY, &mut solved[n]));
                 } else if !taken {
-                    unfinished.push(leave_unfinished(slot, &slot.state, outside < f32::INFINITY, &mut solved[n]));
+                    unfinished.push(leave_unfinished(
+                        &steps,
+                        slot,
+                        &slot.state,
+                        outside < f32::INFINITY,
+                        &mut solved[n],
+                    ));
                 }
                 live -= 1;
                 slots.swap(at, live);
@@ -166,7 +165,7 @@ impl LassoBlock<'_> {
                 if add_atom::<S, 1, CANDIDATES>(lanes, &task, row, &mut slot.state, slot.entering) {
                     at += 1;
                 } else {
-                    unfinished.push(leave_unfinished(slot, &slot.state, false, &mut solved[n]));
+                    unfinished.push(leave_unfinished(&steps, slot, &slot.state, false, &mut solved[n]));
                     live -= 1;
                     slots.swap(at, live);
                 }
@@ -181,6 +180,7 @@ impl LassoBlock<'_> {
 fn finish_in_large_state<S: Lanes, const CANDIDATES: bool>(
     lanes: S,
     task: &mut Task<'_>,
+    steps: &Continuation,
     correlations: &mut [Chunk],
     slot: &mut Slot,
     state: &mut State<LARGE_STATE_CHUNKS>,
@@ -194,7 +194,7 @@ fn finish_in_large_state<S: Lanes, const CANDIDATES: bool>(
                 }
             }
             Search::Satisfied { outside } => {
-                let Some(next) = next_lambda(slot.lambda, slot.wanted, slot.norm) else { return outside };
+                let Some(next) = next_lambda(steps, slot) else { return outside };
                 if !lower_lambda(lanes, slot.lambda, next, correlations, state) {
                     return f32::INFINITY;
                 }
@@ -211,6 +211,7 @@ fn finish_in_large_state<S: Lanes, const CANDIDATES: bool>(
 fn start_signal<S: Lanes>(
     lanes: S,
     task: &Task<'_>,
+    steps: &Continuation,
     slot: &mut Slot,
     signal: &[Chunk],
     correlations: &[Chunk],
@@ -231,8 +232,8 @@ fn start_signal<S: Lanes>(
     };
     slot.wanted = settings.penalty.lambda(f64::from(lambda_max));
     slot.lambda = slot.wanted;
-    if f64::from(slot.wanted) < SMALLEST_SHARE_AT_ONCE * slot.norm && slot.wanted > 0.0 {
-        slot.lambda = (FIRST_SHARE * slot.norm) as f32;
+    if f64::from(slot.wanted) < steps.smallest_share_at_once * slot.norm && slot.wanted > 0.0 {
+        slot.lambda = (steps.first_share * slot.norm) as f32;
     }
     slot.threshold = entry_threshold(slot.lambda, slot.norm);
     slot.goal = settings.tolerance * 0.5 * energy;
@@ -249,11 +250,11 @@ fn entry_threshold(lambda: f32, norm: f64) -> f32 {
     (f64::from(lambda) * (1.0 + 1e-6) + 4e-7 * norm) as f32
 }
 
-/// The next λ on the way from `lambda` down to `wanted`; none where f32 ends.
+/// The next λ on the way down to the wanted one; none where f32 ends.
 #[inline(always)]
-fn next_lambda(lambda: f32, wanted: f32, norm: f64) -> Option<f32> {
-    let next = (lambda / CONTINUATION as f32).max(wanted);
-    (next < lambda && f64::from(next) > LAST_SHARE_IN_F32 * norm).then_some(next)
+fn next_lambda(steps: &Continuation, slot: &Slot) -> Option<f32> {
+    let next = (slot.lambda / steps.factor as f32).max(slot.wanted);
+    (next < slot.lambda && f64::from(next) > LAST_SHARE_IN_F32 * slot.norm).then_some(next)
 }
 
 /// Accepts the code when its gap is small enough, if need be after one correction of its values. False where the signal
@@ -315,11 +316,17 @@ fn collect_entries<const C: usize>(dictionary: &Prepared, state: &State<C>, entr
 
 /// Leaves a signal with the members whose value has their sign, by their internal numbers.
 #[inline(never)]
-fn leave_unfinished<const C: usize>(slot: &Slot, state: &State<C>, reached: bool, solved: &mut Solved) -> Unfinished {
+fn leave_unfinished<const C: usize>(
+    steps: &Continuation,
+    slot: &Slot,
+    state: &State<C>,
+    reached: bool,
+    solved: &mut Solved,
+) -> Unfinished {
     solved.entries.clear();
     let each = state.support().iter().zip(state.values()).zip(flat(&state.signs));
     solved.entries.extend(each.filter(|((_, value), sign)| **value * **sign > 0.0).map(|((&k, &v), _)| (k, v)));
     // Below λ of the rounds in f32 where these went through.
-    let first_lambda = f64::from(slot.lambda) / if reached { CONTINUATION } else { 1.0 };
+    let first_lambda = f64::from(slot.lambda) / if reached { steps.factor } else { 1.0 };
     Unfinished { signal: slot.signal, lambda: slot.wanted, first_lambda, goal: slot.goal, rounds: state.rounds }
 }

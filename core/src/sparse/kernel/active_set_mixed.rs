@@ -9,6 +9,7 @@
 #![allow(clippy::needless_range_loop)]
 
 use super::active_set_f64::gap_in_span;
+use super::continuation::Continuation;
 use super::gap;
 use super::product::correlate_one;
 use super::simd::{Chunk, Kernel, Lanes, flat, flat_mut};
@@ -26,18 +27,13 @@ const MOST_CORRECTIONS: u32 = 4;
 /// Source: chosen.
 const SURE_CORRECTION: u32 = 2;
 
-/// λ is divided by this on the way from where f32 stopped to the λ of the problem.
-///
-/// Source: chosen.
-pub(crate) const CONTINUATION: f64 = 10.0;
-
 /// One signal's problem, and where the f32 active set stopped.
 pub(crate) struct MixedProblem<'a> {
     pub dictionary: &'a Prepared,
     /// The signal, padded with zeros to whole chunks.
     pub signal: &'a [Chunk],
     pub lambda: f64,
-    /// The λ to begin with, at least `lambda`; it falls by [`CONTINUATION`].
+    /// The λ to begin with, at least `lambda`; it falls by steps.
     pub first_lambda: f64,
     /// The gap to reach.
     pub goal: f64,
@@ -91,6 +87,7 @@ impl Kernel for SolveMixed<'_> {
         if without_penalty && problem.nonnegative {
             return None;
         }
+        let factor = Continuation::of(problem.dictionary).factor;
         scratch.start(lanes, &problem);
         let mut energy = lanes.wide_splat(0.0);
         for y in problem.signal {
@@ -122,12 +119,12 @@ impl Kernel for SolveMixed<'_> {
                 restarted = true;
                 scratch.support.clear();
                 scratch.find_residual(lanes, &problem);
-                lambda = (energy.sqrt() / CONTINUATION).max(problem.lambda);
+                lambda = (energy.sqrt() / factor).max(problem.lambda);
                 continue;
             }
             let entering = found.entering.filter(|e| e.1.abs() > lambda + found.rounding);
             if entering.is_none() && lambda > problem.lambda {
-                lambda = (lambda / CONTINUATION).max(problem.lambda);
+                lambda = (lambda / factor).max(problem.lambda);
                 scratch.find_residual(lanes, &problem);
                 scratch.record_errors(lanes, &problem, lambda);
                 if !scratch.support.correct_values(lanes, keep_signs) {

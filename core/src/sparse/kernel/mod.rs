@@ -5,6 +5,7 @@ pub(crate) mod active_set_f64;
 pub(crate) mod active_set_mixed;
 mod candidate_search;
 mod certificate;
+pub(crate) mod continuation;
 pub(crate) mod gap;
 pub(crate) mod product;
 pub(crate) mod pursuit_f32;

@@ -22,6 +22,12 @@ const LEAST_INDEPENDENT_SHARE: f64 = 1e-10;
 /// Source: chosen; the values are corrected by their residual, so that it costs digits of a step and none of the result.
 const ROUGH_SHARE: f64 = 2e-3;
 
+/// The share of an atom's square below which what the support leaves of it is computed in two steps: the first leaves,
+/// besides, what the inverse is wrong by, and that must not count as independent.
+///
+/// Source: chosen; the inverse of supports that span all but one dimension, after a hundred updates, was wrong by 1e-5.
+const DOUBTFUL_SHARE: f64 = 1e-4;
+
 /// The support of one signal.
 #[derive(Default)]
 pub(crate) struct Support {
@@ -208,6 +214,7 @@ impl Support {
         if left.is_nan() || left <= ROUGH_SHARE * own {
             // Too few digits are left of a difference.
             left = self.find_rest(lanes, dictionary);
+            left = self.improve_direction(lanes, dictionary, own, left);
         }
         if left.is_nan() || left <= LEAST_INDEPENDENT_SHARE * own {
             return false;
@@ -224,11 +231,11 @@ impl Support {
         let sign = 1.0f64.copysign(error);
         let own = self.load_column(lanes, dictionary, atom);
         let mut start = 0.0;
-        let mut left = self.find_direction(lanes, dictionary);
+        let mut left = self.find_direction(lanes, dictionary, own);
         if self.accuracy == Accuracy::Rough && !(left > ROUGH_SHARE * own) {
             self.make_exact(lanes, dictionary);
             self.load_column(lanes, dictionary, atom);
-            left = self.find_direction(lanes, dictionary);
+            left = self.find_direction(lanes, dictionary, own);
         }
         let mut exchanged = false;
         for _ in 0..4 {
@@ -238,7 +245,7 @@ impl Support {
             let Some(reached) = self.exchange(lanes, sign) else { return Added::Failed };
             exchanged = true;
             start += reached * sign;
-            left = self.find_direction(lanes, dictionary);
+            left = self.find_direction(lanes, dictionary, own);
         }
         if left.is_nan() || left <= LEAST_INDEPENDENT_SHARE * own {
             return Added::Failed;
@@ -280,9 +287,28 @@ impl Support {
     /// Puts G_SS⁻¹g into `direction`, g the inner products of the entering atom with the members, and what the support
     /// leaves of the atom into `rest`; returns the square of that.
     #[inline(always)]
-    fn find_direction<S: Lanes>(&mut self, lanes: S, dictionary: &Prepared) -> f64 {
+    fn find_direction<S: Lanes>(&mut self, lanes: S, dictionary: &Prepared, own: f64) -> f64 {
         self.find_overlaps(lanes, dictionary);
         multiply(lanes, &self.inverse, self.stride, self.places, &self.overlap, &mut self.direction);
+        let left = self.find_rest(lanes, dictionary);
+        self.improve_direction(lanes, dictionary, own, left)
+    }
+
+    /// The direction, the rest and its square `left` of an entering atom of square `own`; where little is left, with the
+    /// part of the rest that lies in the span of the support taken out once more.
+    #[inline(always)]
+    fn improve_direction<S: Lanes>(&mut self, lanes: S, dictionary: &Prepared, own: f64, left: f64) -> f64 {
+        if left > DOUBTFUL_SHARE * own || self.places == 0 {
+            return left;
+        }
+        let found = self.direction.clone();
+        let column = std::mem::replace(&mut self.column, self.rest.clone());
+        self.find_overlaps(lanes, dictionary);
+        self.column = column;
+        multiply(lanes, &self.inverse, self.stride, self.places, &self.overlap, &mut self.direction);
+        for (to, first) in self.direction.iter_mut().zip(&found) {
+            lanes.wide_store(to, lanes.wide_fma(lanes.wide_load(to), lanes.wide_splat(1.0), lanes.wide_load(first)));
+        }
         self.find_rest(lanes, dictionary)
     }
 
@@ -332,7 +358,7 @@ impl Support {
         self.accuracy = Accuracy::Exact;
         for (atom, value, sign) in members {
             let own = self.load_column(lanes, dictionary, atom);
-            let left = self.find_direction(lanes, dictionary);
+            let left = self.find_direction(lanes, dictionary, own);
             if left > LEAST_INDEPENDENT_SHARE * own {
                 self.insert(lanes, atom, value, sign, left);
             }
