@@ -87,7 +87,7 @@ fn errors_name_the_file_and_what_in_it() {
     let first = samples.centres[0];
     samples.centres.iter_mut().for_each(|c| *c = first);
     samples.save(&bench.at("lf/samples.npz"), true).unwrap();
-    bench.refused("refine lf --out x", &["lf", "samples"]);
+    bench.refused("refine lf --out x", &["lf/samples.npz"]);
 }
 
 /// Messages name the next command.

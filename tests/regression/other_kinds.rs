@@ -135,6 +135,11 @@ fn the_next_command_is_right() {
     bench.refused("infer cam.calib --out o", &["lenslet decode CAPTURE --calibration cam.calib"]);
     bench.refused("gen-pairs notes --out o", &["notes", "photo"]);
     bench.refused("ablate --photos gone --out o", &["cannot read gone"]);
+    let samples: serde_json::Value = serde_json::from_str(&bench.done("info lf/samples.npz --json").out).unwrap();
+    assert!(samples["kind"] == "measured samples" && samples["views"] == serde_json::json!([3, 3]), "{samples}");
+    assert!(samples["sensor"] == serde_json::json!([160, 160]) && samples["lenslets"] == 304, "{samples}");
+    bench.put("odd.npz", b"PK\x03\x04 and no more");
+    bench.refused("info odd.npz", &["odd.npz"]);
     let answer = aloud(bench.path(), "info captures");
     assert!(answer.code == Some(1) && answer.err.contains("lenslet info captures/a.lfp"), "{}", answer.err);
     // A folder that has the name of a dictionary within the program does not hide it.

@@ -311,3 +311,50 @@ pub(super) fn enlarge(
         Array2::from_shape_fn((full.1, full.0), |(t, s)| c.bilinear_at(place(s), place(t))),
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A square of 12 pixels at hypothesis 5 within one of 24 at hypothesis 2, its costs so much lower.
+    fn square_within(contrast: f32) -> sweep::Volume {
+        let (width, height) = (24, 24);
+        let plane = |k: usize| {
+            let cost = |p| {
+                if is_within(p) { contrast * 0.02 * (k as f32 - 5.0).abs() } else { 0.02 * (k as f32 - 2.0).abs() }
+            };
+            (0..width * height).map(cost).collect()
+        };
+        let hypotheses = (0..8).map(|k| k as f32 * 0.1).collect();
+        sweep::Volume { width, height, hypotheses, planes: (0..8).map(plane).collect() }
+    }
+
+    fn is_within(pixel: usize) -> bool {
+        (6..18).contains(&(pixel % 24)) && (6..18).contains(&(pixel / 24))
+    }
+
+    #[test]
+    fn ground_of_little_contrast_keeps_its_disparity_within_a_strong_surface() {
+        let guide = Plane { width: 24, height: 24, data: vec![0.5; 24 * 24] };
+        let kept = |contrast: f32, smoothing: &Smoothing| {
+            let look = Look::of(square_within(contrast), &guide, smoothing);
+            let places = look.places.iter().enumerate();
+            places.filter(|(k, place)| is_within(*k) && (place.0 - 0.5).abs() < 0.05).count() as f32 / 144.0
+        };
+        assert!(kept(1.0, &CLEAN) > 0.9, "{}", kept(1.0, &CLEAN));
+        let (with, without) = (kept(0.05, &CLEAN), kept(0.05, &Smoothing { contrast: 0.0, ..CLEAN }));
+        assert!(with > 0.4 && without < 0.1, "{with} {without}");
+    }
+
+    #[test]
+    fn surfaces_that_are_not_sure_are_the_furthest_one() {
+        let look = Look {
+            volume: square_within(1.0),
+            places: vec![(0.3, 3), (-0.2, 0), (0.1, 1), (0.4, 4)],
+            confidence: vec![0.2, 0.3, 0.9, 0.1],
+        };
+        assert_eq!(look.sure_surfaces(DepthOrder::NearerIsSmaller, 0.3), [0.4, -0.2, 0.1, 0.4]);
+        assert_eq!(look.sure_surfaces(DepthOrder::NearerIsLarger, 0.3), [-0.2, -0.2, 0.1, -0.2]);
+        assert_eq!(look.sure_surfaces(DepthOrder::NearerIsSmaller, 0.0), [0.3, -0.2, 0.1, 0.4]);
+    }
+}

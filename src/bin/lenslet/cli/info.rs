@@ -10,6 +10,7 @@ use lenslet_core::container::{
     self, CameraFacts, Capture, ColourFacts, Error, Levels, MlaHint, json as find, locate_frame, metadata, references,
     whites,
 };
+use lenslet_core::decode::{HexSamples, SamplesOrigin};
 use lenslet_core::dictionary;
 use lenslet_core::input::open_regular;
 use lenslet_core::lightfield::{self, ReadOptions};
@@ -20,7 +21,7 @@ use super::inputs::explain_folder;
 use super::source::ReadArgs;
 use super::{Context, Outcome};
 
-/// Describe a capture, container, calibration, light field, dictionary or camera profile
+/// Describe a capture, container, calibration, light field, file of samples, dictionary or camera profile
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: lenslet info IMG_0001.lfp")]
 pub struct Args {
@@ -71,6 +72,8 @@ fn describe(args: &Args) -> anyhow::Result<Value> {
         super::dict::describe(&dictionary::load(path)?).0
     } else if head.starts_with(b"\x93NUMPY") || head.starts_with(b"MATLAB") || args.read.has_views() {
         light_field(path, args)?
+    } else if head.starts_with(b"PK\x03\x04") && path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npz")) {
+        samples_facts(path)?
     } else if let Some(found) = described_picture(head, path, args) {
         found
     } else if head.len() == 512 && &head[257..262] == b"ustar" {
@@ -90,6 +93,21 @@ fn describe(args: &Args) -> anyhow::Result<Value> {
     };
     json["bytes"] = meta.len().into();
     Ok(json)
+}
+
+/// Samples that a light field was made from.
+fn samples_facts(path: &Path) -> anyhow::Result<Value> {
+    let samples = HexSamples::load(path)?;
+    let origin = SamplesOrigin::read(path)?.unwrap_or_default();
+    Ok(json!({
+        "kind": "measured samples",
+        "views": [samples.views, samples.views],
+        "lenslets": samples.centres.len(),
+        "channels": samples.values.shape()[2],
+        "sensor": [samples.sensor.width, samples.sensor.height],
+        "view_step": samples.view_step,
+        "capture_sha256": (!origin.capture_sha256.is_empty()).then_some(origin.capture_sha256),
+    }))
 }
 
 /// A lenslet picture that says so itself.

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use anyhow::Context as _;
-use lenslet_core::decode::HexSamples;
+use lenslet_core::decode::{HexSamples, find_samples_file};
 use lenslet_core::geometry::Size;
 use lenslet_core::lightfield::{self, ColourSpace, LightField, colour};
 use lenslet_core::progress::Observer as _;
@@ -141,7 +141,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
         Given::Field(field) => SampleSet::rectangular(field, &target),
     }
     .with_context(|| match &given {
-        Given::Samples(_) => format!("{}: its samples", args.source.input.display()),
+        Given::Samples(_) => find_samples_file(&args.source.input).unwrap_or_default().display().to_string(),
         Given::Field(_) => args.source.input.display().to_string(),
     })?;
     let mut sink = lightfield::create(&args.written.out, meta.clone(), args.written.format()?, args.written.force)?;
