@@ -9,6 +9,7 @@ use super::error::Error;
 use super::kernel::active_set_f32::{LassoBlock, Settings};
 use super::kernel::active_set_f64::{self, Observation, ObservedProblem};
 use super::kernel::active_set_mixed::{MixedProblem, SolveMixed};
+use super::kernel::continuation::Continuation;
 use super::kernel::product::Correlate;
 use super::kernel::pursuit_f32::{MAX_PURSUIT_NONZEROS, PursuitBlock};
 use super::kernel::scratch::Scratch;
@@ -119,6 +120,7 @@ fn solve_block(
         tolerance: options.tolerance,
         max_rounds: options.max_rounds(),
         nonnegative: options.nonnegative,
+        steps: Continuation::of(dictionary),
     };
     for part in signals.chunks(PART * m) {
         let Some(reference) = solver.reference() else {
@@ -169,6 +171,7 @@ fn finish(dictionary: &Prepared, settings: Settings, scratch: &mut Scratch) {
             rounds: left.rounds,
             max_rounds: settings.max_rounds,
             nonnegative: settings.nonnegative,
+            factor: settings.steps.factor,
             start: &solved.entries,
         };
         if left.lambda == 0.0 && mixed.span.is_empty() {

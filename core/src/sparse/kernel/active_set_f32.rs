@@ -34,6 +34,8 @@ pub(crate) struct Settings {
     pub tolerance: f64,
     pub max_rounds: u32,
     pub nonnegative: bool,
+    /// The way to a small λ.
+    pub steps: Continuation,
 }
 
 /// A block of signals (rows of m values) to be solved; codes go into `scratch.solved`, what is left to do into
@@ -63,7 +65,6 @@ impl LassoBlock<'_> {
         let LassoBlock { dictionary, signals, settings, scratch } = self;
         let (m, width) = (dictionary.signal_len(), dictionary.width());
         let count = signals.len() / m;
-        let steps = Continuation::of(dictionary);
         let Scratch { correlations, slots, large, peaks, padded, residual, solved, unfinished, .. } = scratch;
         unfinished.clear();
         let chunks = m.div_ceil(16);
@@ -95,7 +96,7 @@ impl LassoBlock<'_> {
                 while live < slots.len() && next < count {
                     let row = &correlations[next * width..(next + 1) * width];
                     let signal = &padded[next * chunks..(next + 1) * chunks];
-                    start_signal(lanes, &task, &steps, &mut slots[live], signal, row, peaks, settings);
+                    start_signal(lanes, &task, &mut slots[live], signal, row, peaks, settings);
                     slots[live].signal = next;
                     live += 1;
                     next += 1;
@@ -118,7 +119,7 @@ impl LassoBlock<'_> {
                         continue;
                     }
                     Search::Satisfied { outside } => {
-                        let next = next_lambda(&steps, slot);
+                        let next = next_lambda(&settings.steps, slot);
                         if let Some(next) = next
                             && lower_lambda(lanes, slot.lambda, next, row, &mut slot.state)
                         {
@@ -130,7 +131,15 @@ impl LassoBlock<'_> {
                     Search::Full => {
                         grown = true;
                         large.grow_from(&slot.state);
-                        finish_in_large_state::<S, CANDIDATES>(lanes, &mut task, &steps, row, slot, large, peaks)
+                        finish_in_large_state::<S, CANDIDATES>(
+                            lanes,
+                            &mut task,
+                            &settings.steps,
+                            row,
+                            slot,
+                            large,
+                            peaks,
+                        )
                     }
                     Search::Failed => f32::INFINITY,
                 };
@@ -143,10 +152,16 @@ impl LassoBlock<'_> {
                     accept_if_certified(lanes, &task, settled, &mut slot.state, residual, &mut solved[n])
                 };
                 if !taken && grown {
-                    unfinished.push(leave_unfinished(&steps, slot, large, outside < f32::INFINITY, &mut solved[n]));
+                    unfinished.push(leave_unfinished(
+                        &settings.steps,
+                        slot,
+                        large,
+                        outside < f32::INFINITY,
+                        &mut solved[n],
+                    ));
                 } else if !taken {
                     unfinished.push(leave_unfinished(
-                        &steps,
+                        &settings.steps,
                         slot,
                         &slot.state,
                         outside < f32::INFINITY,
@@ -165,7 +180,7 @@ impl LassoBlock<'_> {
                 if add_atom::<S, 1, CANDIDATES>(lanes, &task, row, &mut slot.state, slot.entering) {
                     at += 1;
                 } else {
-                    unfinished.push(leave_unfinished(&steps, slot, &slot.state, false, &mut solved[n]));
+                    unfinished.push(leave_unfinished(&settings.steps, slot, &slot.state, false, &mut solved[n]));
                     live -= 1;
                     slots.swap(at, live);
                 }
@@ -211,7 +226,6 @@ fn finish_in_large_state<S: Lanes, const CANDIDATES: bool>(
 fn start_signal<S: Lanes>(
     lanes: S,
     task: &Task<'_>,
-    steps: &Continuation,
     slot: &mut Slot,
     signal: &[Chunk],
     correlations: &[Chunk],
@@ -232,8 +246,8 @@ fn start_signal<S: Lanes>(
     };
     slot.wanted = settings.penalty.lambda(f64::from(lambda_max));
     slot.lambda = slot.wanted;
-    if f64::from(slot.wanted) < steps.smallest_share_at_once * slot.norm && slot.wanted > 0.0 {
-        slot.lambda = (steps.first_share * slot.norm) as f32;
+    if f64::from(slot.wanted) < settings.steps.smallest_share_at_once * slot.norm && slot.wanted > 0.0 {
+        slot.lambda = (settings.steps.first_share * slot.norm) as f32;
     }
     slot.threshold = entry_threshold(slot.lambda, slot.norm);
     slot.goal = settings.tolerance * 0.5 * energy;

@@ -9,7 +9,6 @@
 #![allow(clippy::needless_range_loop)]
 
 use super::active_set_f64::gap_in_span;
-use super::continuation::Continuation;
 use super::gap;
 use super::product::correlate_one;
 use super::simd::{Chunk, Kernel, Lanes, flat, flat_mut};
@@ -33,8 +32,10 @@ pub(crate) struct MixedProblem<'a> {
     /// The signal, padded with zeros to whole chunks.
     pub signal: &'a [Chunk],
     pub lambda: f64,
-    /// The λ to begin with, at least `lambda`; it falls by steps.
+    /// The λ to begin with, at least `lambda`.
     pub first_lambda: f64,
+    /// By which each step divides it.
+    pub factor: f64,
     /// The gap to reach.
     pub goal: f64,
     pub rounds: u32,
@@ -87,7 +88,6 @@ impl Kernel for SolveMixed<'_> {
         if without_penalty && problem.nonnegative {
             return None;
         }
-        let factor = Continuation::of(problem.dictionary).factor;
         scratch.start(lanes, &problem);
         let mut energy = lanes.wide_splat(0.0);
         for y in problem.signal {
@@ -119,12 +119,12 @@ impl Kernel for SolveMixed<'_> {
                 restarted = true;
                 scratch.support.clear();
                 scratch.find_residual(lanes, &problem);
-                lambda = (energy.sqrt() / factor).max(problem.lambda);
+                lambda = (energy.sqrt() / problem.factor).max(problem.lambda);
                 continue;
             }
             let entering = found.entering.filter(|e| e.1.abs() > lambda + found.rounding);
             if entering.is_none() && lambda > problem.lambda {
-                lambda = (lambda / factor).max(problem.lambda);
+                lambda = (lambda / problem.factor).max(problem.lambda);
                 scratch.find_residual(lanes, &problem);
                 scratch.record_errors(lanes, &problem, lambda);
                 if !scratch.support.correct_values(lanes, keep_signs) {
@@ -331,6 +331,7 @@ mod tests {
                 signal: &signal,
                 lambda: 0.05,
                 first_lambda: 0.05,
+                factor: 10.0,
                 goal,
                 rounds: 0,
                 max_rounds: 100,

@@ -22,7 +22,7 @@ const MANY_ATOMS: usize = 6;
 /// Of many atoms.
 ///
 /// Source: measured; the least time of those tried, factors of 2.5 to 10 from shares of 0.03 to 0.2.
-const SHORT_STEPS: Continuation = Continuation { smallest_share_at_once: 0.05, first_share: 0.2, factor: 3.0 };
+const SHORT_STEPS: Continuation = Continuation { smallest_share_at_once: 0.05, first_share: 0.2, factor: 2.5 };
 
 /// Of few.
 ///
