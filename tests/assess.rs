@@ -17,8 +17,8 @@ use lenslet_data_gen::simulate::{
     Camera, Scene, SceneName, ScenePair, SimulationOptions, output_size, render_capture, true_view, view_offset,
 };
 use lenslet_views::assess::{
-    Difference, EdgeMeasures, Edges, LineMeasures, Lines, MiddleView, MiddleViews, Rays, compare_calibrations,
-    holes_score, keep_common_edges, keep_common_lines, median_of_differences, median_with_error,
+    Difference, EdgeMeasures, Edges, LineMeasures, Lines, MiddleView, MiddleViews, RawScore, Rays,
+    compare_calibrations, holes_score, keep_common_edges, keep_common_lines, median_of_differences, median_with_error,
 };
 use lenslet_views::{Method, RenderSamples as _};
 use ndarray::Array3;
@@ -99,35 +99,36 @@ fn psnr(picture: &Array3<f32>, truth: &Array3<f32>) -> f64 {
 /// Differences by rays that may be of their own making: what they foretell lies between the places of samples, dB.
 const RAYS: f64 = 0.1;
 
+/// Differences by raw pixels that are equality, dB: by the truth full and rotation-only are 0.01 to 0.03 apart, and of twelve
+/// comparisons one is beyond two standard errors by chance alone every fourth time.
+const EQUAL: f64 = 0.05;
+
 /// Differences of roughness that tell nothing, pixels.
 const ROUGH: f64 = 0.01;
 
 /// Measured and true differences of every pair of methods: those whose measured difference lies beyond two standard errors
-/// and is larger than `bias`, and of these those that the truth has the other way round. Of pairs that the truth holds equal,
-/// within `bias`, nothing is told by up to three times that.
+/// and is larger than `bias`, and of these those that the truth, beyond two standard errors of its own, has the other way
+/// round: half a dozen edges do not know the truth to any digit, either. Of pairs that the truth holds equal, within `bias`,
+/// nothing is told by up to three times that.
 fn contradictions(
     names: &[&str],
     bias: f64,
     measured: impl Fn(usize, usize) -> Difference,
-    truth: impl Fn(usize, usize) -> f64,
+    truth: impl Fn(usize, usize) -> Difference,
 ) -> (usize, Vec<String>) {
     let (mut told, mut wrong) = (0, Vec::new());
     for a in 0..names.len() {
         for b in 0..names.len() {
             let m = measured(a, b);
-            let tied = truth(a, b).abs() <= bias && m.mean < 3.0 * bias;
+            let (known, reverse) = (truth(a, b), truth(b, a));
+            let tied = known.mean.abs() <= bias && m.mean < 3.0 * bias;
             if a != b && m.is_above_zero(2.0) && m.mean > bias && !tied {
                 told += 1;
-                if truth(a, b) <= 0.0 {
-                    let text = format!(
-                        "{} over {}: {:+.3} ± {:.3}, truth {:+.3}",
-                        names[a],
-                        names[b],
-                        m.mean,
-                        m.error,
-                        truth(a, b)
-                    );
-                    wrong.push(text);
+                if reverse.is_above_zero(2.0) {
+                    wrong.push(format!(
+                        "{} over {}: {:+.3} ± {:.3}, truth {:+.3} ± {:.3}",
+                        names[a], names[b], m.mean, m.error, known.mean, known.error
+                    ));
                 }
             }
         }
@@ -185,21 +186,20 @@ fn the_order_of_the_methods_is_that_of_the_truth() {
                 holes.unwrap_or(f64::NAN),
             );
         }
-        let by_rays =
-            contradictions(&METHODS, RAYS, |a, b| told[a].over(&told[b]), |a, b| known[a].over(&known[b]).mean);
+        let by_rays = contradictions(&METHODS, RAYS, |a, b| told[a].over(&told[b]), |a, b| known[a].over(&known[b]));
         let rough = |a: usize, b: usize| median_of_differences(&sharp[b].rough, &sharp[a].rough);
         let none = Difference { mean: 0.0, error: 1.0 };
         let by_edges = contradictions(
             &METHODS,
             ROUGH,
             |a, b| rough(a, b).unwrap_or(none),
-            |a, b| median_of_differences(&jags[b], &jags[a]).map_or(0.0, |d| d.mean),
+            |a, b| median_of_differences(&jags[b], &jags[a]).unwrap_or(none),
         );
         let by_lines = contradictions(
             &METHODS,
             0.0,
             |a, b| median_of_differences(&thin[b].rough, &thin[a].rough).unwrap_or(none),
-            |a, b| median_of_differences(&bent[b], &bent[a]).map_or(0.0, |d| d.mean),
+            |a, b| median_of_differences(&bent[b], &bent[a]).unwrap_or(none),
         );
         println!("  rays: {} pairs told, wrong {:?}", by_rays.0, by_rays.1);
         println!("  edges: {} pairs told, wrong {:?}", by_edges.0, by_edges.1);
@@ -240,7 +240,8 @@ fn the_order_of_calibrations_is_that_of_the_truth() {
             );
         }
         // Full calibration is the nearest to the truth: none is told to be over it.
-        assert!(scores.iter().all(|s| !s.over.is_above_zero(2.0)), "{name}: {scores:?}");
+        let over = |s: &RawScore| s.over.is_above_zero(2.0) && s.over.mean > EQUAL;
+        assert!(!scores.iter().any(over), "{name}: {scores:?}");
         if name == "clean" {
             let below = |k: usize| -scores[k].over.mean > 2.0 * scores[k].over.error;
             assert!(below(3), "{name}: {scores:?}");
