@@ -123,7 +123,7 @@ fn chance_within(out: f32, noise: f32) -> f32 {
 }
 
 /// The disparity at every pixel of the view `at`, of hypotheses within `range`. A first map tells how noisy the views are,
-/// and what is hidden where; that is found once more from the map that follows.
+/// and what is hidden where; unless they are very noisy, that is found once more from the map that follows.
 pub(super) fn search(
     grid: &[Vec<Plane>],
     at: (usize, usize),
@@ -143,11 +143,15 @@ pub(super) fn search(
         observer.check()?;
         Ok::<_, Error>(look)
     };
-    let first = look(&hidden)?;
-    let margin = MARGIN * first.spacing();
-    let hidden = Hidden::of(&first.sure_surfaces(order, smoothing.sure), reference.width, reach, margin, order);
-    drop(first);
-    let Look { volume, places, confidence } = look(&hidden)?;
+    let mut seen = look(&hidden)?;
+    // Of views as noisy as can be the map says less of what hides what than the first one, which is smoother.
+    if smoothing.noise < NOISY.noise {
+        let margin = MARGIN * seen.spacing();
+        let surfaces = seen.sure_surfaces(order, smoothing.sure);
+        drop(seen);
+        seen = look(&Hidden::of(&surfaces, reference.width, reach, margin, order))?;
+    }
+    let Look { volume, places, confidence } = seen;
     let mut found = Found { disparity: places.iter().map(|p| p.0).collect(), confidence };
     refine_by_tensor(grid, at, &mut found, &volume, options);
     found.disparity = regularise::weighted_median(&found.disparity, &found.confidence, reference, 2, 0.03);
