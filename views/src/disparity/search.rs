@@ -150,6 +150,8 @@ pub(super) fn search(
         let surfaces = seen.sure_surfaces(order, smoothing.sure);
         drop(seen);
         seen = look(&Hidden::of(&surfaces, reference.width, reach, margin, order))?;
+    } else {
+        observer.advance(list.len() as u64);
     }
     let Look { volume, places, confidence } = seen;
     let mut found = Found { disparity: places.iter().map(|p| p.0).collect(), confidence };
