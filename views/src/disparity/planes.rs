@@ -31,9 +31,25 @@ pub fn luminance(view: &ArrayView3<f32>) -> Result<Plane, Error> {
 
 /// Row `t` of `plane` sampled at (s + dx, t + dy), by Catmull-Rom, edges repeated. `scratch` is reused between calls.
 pub fn shifted_row(plane: &Plane, t: usize, dx: f32, dy: f32, scratch: &mut Vec<f32>, out: &mut [f32]) {
+    let weights = catmull_rom_weights(dx - dx.floor());
+    for (o, q) in out.iter_mut().zip(neighbours_of_shifted_row(plane, t, dx, dy, scratch).windows(4)) {
+        *o = weighted_sum(&weights, q);
+    }
+}
+
+/// What [`shifted_row`] interpolates along the row: its value s is the sum of the four values from s, weighted by
+/// `catmull_rom_weights(dx − ⌊dx⌋)`.
+#[inline(always)]
+pub fn neighbours_of_shifted_row<'a>(
+    plane: &Plane,
+    t: usize,
+    dx: f32,
+    dy: f32,
+    scratch: &'a mut Vec<f32>,
+) -> &'a [f32] {
     let (w, h) = (plane.width as isize, plane.height as isize);
     let (ix, iy) = (dx.floor(), dy.floor());
-    let (wx, wy) = (catmull_rom_weights(dx - ix), catmull_rom_weights(dy - iy));
+    let weights = catmull_rom_weights(dy - iy);
     let (ix, iy) = (ix as isize, iy as isize);
     let row = |k: isize| plane.row((t as isize + iy + k).clamp(0, h - 1) as usize);
     let (a, b, c, d) = (row(-1), row(0), row(1), row(2));
@@ -41,7 +57,7 @@ pub fn shifted_row(plane: &Plane, t: usize, dx: f32, dy: f32, scratch: &mut Vec<
     scratch.resize(plane.width + 2 * margin, 0.0);
     let inner = &mut scratch[margin..margin + plane.width];
     for ((((o, &a), &b), &c), &d) in inner.iter_mut().zip(a).zip(b).zip(c).zip(d) {
-        *o = wy[0] * a + wy[1] * b + wy[2] * c + wy[3] * d;
+        *o = weighted_sum(&weights, &[a, b, c, d]);
     }
     let (first, last) = (scratch[margin], scratch[margin + plane.width - 1]);
     scratch[..margin].fill(first);
@@ -49,11 +65,13 @@ pub fn shifted_row(plane: &Plane, t: usize, dx: f32, dy: f32, scratch: &mut Vec<
     // Beyond four widths everything is the edge value anyway.
     let ix = ix.clamp(-4 * w, 4 * w);
     let start = (margin as isize + ix - 1) as usize;
-    let n = out.len();
-    let src = &scratch[start..start + n + 3];
-    for (o, q) in out.iter_mut().zip(src.windows(4)) {
-        *o = wx[0] * q[0] + wx[1] * q[1] + wx[2] * q[2] + wx[3] * q[3];
-    }
+    &scratch[start..start + plane.width + 3]
+}
+
+/// Σ weight · value, in this order.
+#[inline(always)]
+pub fn weighted_sum(weights: &[f32; 4], values: &[f32]) -> f32 {
+    weights[0] * values[0] + weights[1] * values[1] + weights[2] * values[2] + weights[3] * values[3]
 }
 
 #[cfg(test)]

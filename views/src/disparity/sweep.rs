@@ -2,10 +2,10 @@
 //! over all views or, where something in front blocks some of them, over the half of the views in which the point is
 //! visible.
 
-use lenslet_core::image::Plane;
+use lenslet_core::image::{Plane, catmull_rom_weights};
 
 use super::hidden::Hidden;
-use super::planes::shifted_row;
+use super::planes::{neighbours_of_shifted_row, weighted_sum};
 
 /// Cost of every hypothesis at every pixel: `planes[k][t·w + s]`.
 pub struct Volume {
@@ -31,66 +31,160 @@ pub struct Robust {
 /// A view and its offset from the reference view: (plane, u, v), view steps.
 pub type Placed<'a> = (&'a Plane, f32, f32);
 
-/// The cost plane of one hypothesis `d`. Where it is known what is `hidden`, half of the views are taken instead of all where
-/// something hides the point in the other half; else wherever that makes the cost clearly lower.
-pub fn cost(reference: &Plane, views: &[Placed], d: f32, robust: &Robust, hidden: Option<&Hidden>) -> Vec<f32> {
-    let (w, h) = (reference.width, reference.height);
-    let mut out = vec![0f32; w * h];
-    // Sums over: all views, left, right, above, below.
-    let mut sums = vec![vec![0f32; w]; 5];
-    // Views counted where their run of valid pixels begins and ends; summed up along the row.
-    let mut counts = vec![vec![0f32; w + 1]; 5];
-    let (mut scratch, mut row) = (Vec::new(), vec![0f32; w]);
-    for t in 0..h {
-        for (s, c) in sums.iter_mut().zip(counts.iter_mut()) {
-            s.fill(0.0);
-            c.fill(0.0);
-        }
-        // Sums over a half are needed where something hides points.
-        let needed =
-            hidden.is_none_or(|hidden| (t * w..(t + 1) * w).any(|k| (0..4).any(|side| hidden.hides(side, k, d))));
-        let half = |offset: f32, first: usize| side(offset, first).filter(|_| needed);
-        let own = reference.row(t);
-        for &(plane, u, v) in views {
-            let (dx, dy) = (d * u, d * v);
-            let y = t as f32 + dy;
-            if y < 0.0 || y > (h - 1) as f32 {
-                continue;
-            }
-            let from = (-dx).ceil().clamp(0.0, w as f32) as usize;
-            let to = ((w - 1) as f32 - dx).floor().clamp(-1.0, (w - 1) as f32) + 1.0;
-            let to = to as usize;
-            if from >= to {
-                continue;
-            }
-            shifted_row(plane, t, dx, dy, &mut scratch, &mut row);
-            for (r, &o) in row[from..to].iter_mut().zip(&own[from..to]) {
-                *r = (*r - o).abs().min(robust.truncation);
-            }
-            let sides = [Some(0), half(u, 1), half(v, 3)];
-            for k in sides.into_iter().flatten() {
-                for (a, &r) in sums[k][from..to].iter_mut().zip(&row[from..to]) {
-                    *a += r;
+/// Rows of the reference, and hypotheses, that are swept together: what they need of a view is then read from memory once
+/// and stays in the nearest cache.
+const ROWS: usize = 8;
+pub(super) const HYPOTHESES: usize = 4;
+
+/// What is compared, and how.
+pub struct Sweep<'a> {
+    pub reference: &'a Plane,
+    pub views: &'a [Placed<'a>],
+    pub robust: Robust,
+    /// Where it is known what is hidden, half of the views are taken instead of all where something hides the point in
+    /// the other half; else wherever that makes the cost clearly lower.
+    pub hidden: Option<&'a Hidden>,
+}
+
+impl Sweep<'_> {
+    /// The cost of every hypothesis (disparity, pixels a view step) at every pixel, row by row.
+    pub fn costs(&self, hypotheses: &[f32]) -> Vec<Vec<f32>> {
+        pulp::Arch::new().dispatch(Costs { sweep: self, hypotheses })
+    }
+}
+
+struct Costs<'a> {
+    sweep: &'a Sweep<'a>,
+    hypotheses: &'a [f32],
+}
+
+impl pulp::WithSimd for Costs<'_> {
+    type Output = Vec<Vec<f32>>;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) -> Vec<Vec<f32>> {
+        let Costs { sweep, hypotheses } = self;
+        let (w, h) = (sweep.reference.width, sweep.reference.height);
+        let mut planes = vec![vec![0f32; w * h]; hypotheses.len()];
+        let mut sums = vec![vec![RowSums::new(w); ROWS]; hypotheses.len()];
+        let mut scratch = Vec::new();
+        for top in (0..h).step_by(ROWS) {
+            for (&d, sums) in hypotheses.iter().zip(&mut sums) {
+                for (t, sums) in (top..h).zip(sums) {
+                    sums.clear(sweep.needs_halves(t, d));
                 }
-                counts[k][from] += 1.0;
-                counts[k][to] -= 1.0;
+            }
+            for &view in sweep.views {
+                for (&d, sums) in hypotheses.iter().zip(&mut sums) {
+                    for (t, sums) in (top..h).zip(sums) {
+                        sweep.add_view(view, t, d, &mut scratch, sums);
+                    }
+                }
+            }
+            for ((&d, sums), plane) in hypotheses.iter().zip(&sums).zip(&mut planes) {
+                for (t, sums) in (top..h).zip(sums) {
+                    sweep.choose(t, d, sums, &mut plane[t * w..(t + 1) * w]);
+                }
             }
         }
-        let target = &mut out[t * w..(t + 1) * w];
-        let factor = 1.0 + robust.half_penalty;
+        planes
+    }
+}
+
+/// Sums of a row over all views, left, right, above, below.
+#[derive(Clone)]
+struct RowSums {
+    halves: bool,
+    sums: [Vec<f32>; 5],
+    /// Views counted where their run of valid pixels begins and ends; to be summed up along the row.
+    counts: [Vec<f32>; 5],
+}
+
+impl RowSums {
+    fn new(width: usize) -> Self {
+        let row = |n| [(); 5].map(|()| vec![0f32; n]);
+        Self { halves: false, sums: row(width), counts: row(width + 1) }
+    }
+
+    fn clear(&mut self, halves: bool) {
+        self.halves = halves;
+        for row in self.sums.iter_mut().chain(&mut self.counts) {
+            row.fill(0.0);
+        }
+    }
+}
+
+impl Sweep<'_> {
+    /// Sums over a half are needed where something hides points.
+    fn needs_halves(&self, t: usize, d: f32) -> bool {
+        let mut row = t * self.reference.width..(t + 1) * self.reference.width;
+        self.hidden.is_none_or(|hidden| row.any(|k| (0..4).any(|side| hidden.hides(side, k, d))))
+    }
+
+    #[inline(always)]
+    fn add_view(&self, (plane, u, v): Placed, t: usize, d: f32, scratch: &mut Vec<f32>, into: &mut RowSums) {
+        let (w, h) = (self.reference.width, self.reference.height);
+        let (dx, dy) = (d * u, d * v);
+        let y = t as f32 + dy;
+        if y < 0.0 || y > (h - 1) as f32 {
+            return;
+        }
+        let from = (-dx).ceil().clamp(0.0, w as f32) as usize;
+        let to = (((w - 1) as f32 - dx).floor().clamp(-1.0, (w - 1) as f32) + 1.0) as usize;
+        if from >= to {
+            return;
+        }
+        let weights = catmull_rom_weights(dx - dx.floor());
+        let neighbours = neighbours_of_shifted_row(plane, t, dx, dy, scratch)[from..].windows(4);
+        let truncation = self.robust.truncation;
+        let own = &self.reference.row(t)[from..to];
+        let differences = neighbours.zip(own).map(|(q, own)| {
+            let difference = (weighted_sum(&weights, q) - own).abs();
+            if difference < truncation { difference } else { truncation }
+        });
+        let halves = [side(u, 1), side(v, 3)].map(|side| side.filter(|_| into.halves));
+        for k in [Some(0), halves[0], halves[1]].into_iter().flatten() {
+            into.counts[k][from] += 1.0;
+            into.counts[k][to] -= 1.0;
+        }
+        let [all, left, right, above, below] = into.sums.each_mut().map(|sums| &mut sums[from..to]);
+        let across = if u < 0.0 { left } else { right };
+        let along = if v < 0.0 { above } else { below };
+        match halves {
+            [None, None] => differences.zip(all).for_each(|(r, a)| *a += r),
+            [Some(_), None] => differences.zip(all).zip(across).for_each(|((r, a), b)| {
+                *a += r;
+                *b += r;
+            }),
+            [None, Some(_)] => differences.zip(all).zip(along).for_each(|((r, a), b)| {
+                *a += r;
+                *b += r;
+            }),
+            [Some(_), Some(_)] => differences.zip(all).zip(across).zip(along).for_each(|(((r, a), b), c)| {
+                *a += r;
+                *b += r;
+                *c += r;
+            }),
+        }
+    }
+
+    #[inline(always)]
+    fn choose(&self, t: usize, d: f32, RowSums { halves, sums, counts }: &RowSums, costs: &mut [f32]) {
+        let factor = 1.0 + self.robust.half_penalty;
+        let first = t * self.reference.width;
         let mut seen = [0f32; 5];
-        for (s, o) in target.iter_mut().enumerate() {
-            for (n, c) in seen.iter_mut().zip(&counts) {
+        for (s, cost) in costs.iter_mut().enumerate() {
+            for (n, c) in seen.iter_mut().zip(counts) {
                 *n += c[s];
             }
             let mean = |k: usize| if seen[k] > 0.0 { sums[k][s] / seen[k] } else { f32::INFINITY };
-            let all = if seen[0] > 0.0 { mean(0) } else { robust.truncation };
+            let all = if seen[0] > 0.0 { mean(0) } else { self.robust.truncation };
             let clearly = || (1..5).fold(all, |best, k| best.min(factor * mean(k)));
-            *o = match hidden {
+            *cost = match self.hidden {
                 None => clearly(),
-                Some(_) if !needed => all,
+                Some(_) if !halves => all,
                 Some(hidden) => {
-                    let covered = [0, 1, 2, 3].map(|side| hidden.hides(side, t * w + s, d));
+                    let covered = [0, 1, 2, 3].map(|side| hidden.hides(side, first + s, d));
                     let free = (0..4).filter(|&side| covered[side ^ 1] && !covered[side]);
                     let least = free.fold(f32::INFINITY, |best, side| best.min(mean(side + 1)));
                     if least.is_finite() {
@@ -104,7 +198,6 @@ pub fn cost(reference: &Plane, views: &[Placed], d: f32, robust: &Robust, hidden
             };
         }
     }
-    out
 }
 
 fn side(offset: f32, first: usize) -> Option<usize> {

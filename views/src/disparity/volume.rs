@@ -35,7 +35,7 @@ pub(super) fn outermost_step(grid: &[Vec<Plane>], at: (usize, usize), options: &
     (0..rows * columns).filter(|&k| options.uses(k)).map(step).max().unwrap_or(0) as f32
 }
 
-/// Costs of all hypotheses, gathered along edges. `hidden`: as [`sweep::cost`] has it.
+/// Costs of all hypotheses, gathered along edges. `hidden`: as [`sweep::Sweep`] has it.
 pub(super) fn cost_volume(
     grid: &[Vec<Plane>],
     at: (usize, usize),
@@ -55,16 +55,18 @@ pub(super) fn cost_volume(
         1e-4,
         BoxMeans::OneThread,
     );
+    let sweep = sweep::Sweep { reference, views: &views, robust, hidden };
     let planes = hypotheses
-        .par_iter()
-        .map(|&d| {
+        .par_chunks(sweep::HYPOTHESES)
+        .map(|some| {
             observer.check()?;
-            let mut cost = sweep::cost(reference, &views, d, &robust, hidden);
-            guide.filter(&mut cost);
-            observer.advance(1);
-            Ok(cost)
+            let mut costs = sweep.costs(some);
+            costs.iter_mut().for_each(|costs| guide.filter(costs));
+            observer.advance(some.len() as u64);
+            Ok(costs)
         })
         .collect::<Result<Vec<_>, Error>>()?;
+    let planes = planes.into_iter().flatten().collect();
     Ok(sweep::Volume { width: reference.width, height: reference.height, hypotheses, planes })
 }
 
