@@ -109,16 +109,21 @@ impl Problem<'_> {
         self.slopes.get(sample as usize).copied().unwrap_or(1.0)
     }
 
-    /// Root of the mean square of a row's residual over channels, encoded values.
+    /// Root of the mean square over channels of what is left of a row's sample, encoded values.
     #[inline(always)]
-    fn residual<const N: usize>(&self, row: &Row, smooth: &[[f32; 4]]) -> f32 {
-        self.size_of(row, &self.left_with::<N>(row, smooth))
+    fn over_channels(&self, row: &Row, left: &[f32; 4]) -> f32 {
+        (left.iter().map(|l| l * l).sum::<f32>() / self.channels as f32).sqrt() * self.slope(row.sample)
     }
 
-    /// Root of the mean square of what is left of a row's sample, encoded values.
+    /// What is left of a row's sample in luminance, encoded values; at least 0.
     #[inline(always)]
-    pub(crate) fn size_of(&self, row: &Row, left: &[f32; 4]) -> f32 {
-        (left.iter().map(|l| l * l).sum::<f32>() / self.channels as f32).sqrt() * self.slope(row.sample)
+    pub(crate) fn luminance_left(&self, row: &Row, left: &[f32; 4]) -> f32 {
+        self.luminance(left).abs() * self.slope(row.sample)
+    }
+
+    #[inline(always)]
+    fn luminance(&self, &[r, g, b, _]: &[f32; 4]) -> f32 {
+        if self.channels == 3 { luminance_of_linear([r, g, b]) } else { r }
     }
 
     #[inline(always)]
@@ -127,8 +132,8 @@ impl Problem<'_> {
         std::array::from_fn(|l| value[l] - here[l])
     }
 
-    /// What the picture `smooth` leaves of a row's sample in every channel, and the root of its mean square in encoded
-    /// values.
+    /// What the picture `smooth` leaves of a row's sample in every channel, and of its luminance in encoded values (at
+    /// least 0).
     #[inline]
     #[must_use]
     pub fn left(&self, row: &Row, smooth: &[[f32; 4]]) -> ([f32; 4], f32) {
@@ -137,7 +142,7 @@ impl Problem<'_> {
             Basis::Quadratic => self.left_with::<3>(row, smooth),
             Basis::Cubic => self.left_with::<4>(row, smooth),
         };
-        (left, self.size_of(row, &left))
+        (left, self.luminance_left(row, &left))
     }
 
     /// Median residual of the samples that count, and those of luminance and of the two differences of colour of them
@@ -148,7 +153,7 @@ impl Problem<'_> {
         for row in self.rows.iter().step_by(17) {
             if row.weight > 0.3 {
                 let left = self.left_with::<N>(row, smooth);
-                all.push(self.size_of(row, &left));
+                all.push(self.over_channels(row, &left));
                 if self.contrast[row.cell as usize] <= plain {
                     let slope = self.slope(row.sample);
                     for (residuals, left) in of_plain.iter_mut().zip(self.opponent(left)) {
@@ -168,42 +173,36 @@ impl Problem<'_> {
     }
 }
 
-/// A sample beside what the picture gives at its place.
+/// Luminance of a sample beside what the picture gives at its place. The colours of a capture are what demosaicing made of
+/// them, noisier, or smoothed: they tell little of places.
 #[derive(Debug, Clone, Copy)]
 pub struct Predicted {
     /// What was measured.
-    pub value: [f32; 4],
+    pub value: f32,
     /// What the picture gives.
-    pub here: [f32; 4],
+    pub here: f32,
     /// How that changes with the place along x, a pixel.
-    pub gx: [f32; 4],
+    pub gx: f32,
     /// How that changes with the place along y, a pixel.
-    pub gy: [f32; 4],
+    pub gy: f32,
     /// Slope of the encoding there.
     pub slope: f32,
-    channels: usize,
 }
 
 impl Predicted {
-    /// Root of the mean square of the residual over channels, encoded values.
+    /// What is left of the value, encoded; at least 0.
     #[must_use]
     pub fn residual(&self) -> f32 {
-        let square = |c: usize| (self.value[c] - self.here[c]).powi(2);
-        ((0..self.channels).map(square).sum::<f32>() / self.channels as f32).sqrt() * self.slope
+        (self.value - self.here).abs() * self.slope
     }
 
-    /// Σ g² and Σ g r over channels, encoded values: r the residual, g how the picture's value changes when the place
-    /// moves by `direction` pixels.
+    /// g² and g r, encoded values: r the residual, g how the picture's value changes when the place moves by `direction`
+    /// pixels.
     #[must_use]
     pub fn along(&self, direction: [f32; 2]) -> (f32, f32) {
         let square = self.slope * self.slope;
-        let mut sums = (0.0, 0.0);
-        for c in 0..self.channels {
-            let g = self.gx[c] * direction[0] + self.gy[c] * direction[1];
-            sums.0 += square * g * g;
-            sums.1 += square * g * (self.value[c] - self.here[c]);
-        }
-        sums
+        let g = self.gx * direction[0] + self.gy * direction[1];
+        (square * g * g, square * g * (self.value - self.here))
     }
 }
 
@@ -220,9 +219,9 @@ impl Problem<'_> {
 
     #[inline]
     fn predicted_with<const N: usize>(&self, row: &Row, smooth: &[[f32; 4]]) -> Predicted {
-        let [here, gx, gy] = row.apply_with_slopes::<N>(smooth, self.grid.width);
-        let value = self.values[row.sample as usize];
-        Predicted { value, here, gx, gy, slope: self.slope(row.sample), channels: self.channels }
+        let [here, gx, gy] = row.apply_with_slopes::<N>(smooth, self.grid.width).map(|v| self.luminance(&v));
+        let value = self.luminance(&self.values[row.sample as usize]);
+        Predicted { value, here, gx, gy, slope: self.slope(row.sample) }
     }
 }
 
@@ -253,7 +252,8 @@ fn solve_with<const N: usize>(problem: &Problem<'_>, start: Vec<Vec<f32>>, optio
         for row in problem.rows {
             let slope = problem.slope(row.sample);
             let certain = if problem.own.contains(&row.sample) { CERTAIN } else { 1.0 };
-            let unusual = problem.residual::<N>(row, &smooth) * scale / certain;
+            let left = problem.left_with::<N>(row, &smooth);
+            let unusual = problem.over_channels(row, &left) * scale / certain;
             let weight = row.weight / (1.0 + unusual * unusual);
             total += f64::from(weight);
             let weight = weight * slope * slope;

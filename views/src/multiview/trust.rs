@@ -1,6 +1,7 @@
 //! How far the other views are believed, place by place: the picture found from them foretells the view's own samples, and
 //! so do the samples around each in the view itself. Where what the others leave of them comes near to what the samples
-//! around leave (glass, a wrong disparity, blurred views), the view is better off alone.
+//! around leave (glass, a wrong disparity, blurred views), the view is better off alone. Luminance is asked: colours of
+//! captures are what demosaicing made of them, and smoothed ones are foretold by those around wherever they came from.
 //!
 //! Measured over planted scenes (views/tests/scenes.rs): the joint fit is better than the view alone where the root mean
 //! square of what the other views leave of its samples, beyond noise, is below 0.45 of what the samples around leave, and
@@ -130,7 +131,7 @@ impl Trust {
             let beside = beside.iter().map(|[j, _]| by_views[*j as usize]).sum::<f32>() / beside.len() as f32;
             let light = here.iter().sum::<f32>();
             let by_views = by_views[i].min(LONE * beside);
-            Some((grid.place(row).into(), [by_views, problem.size_of(row, &by_samples).powi(2), light]))
+            Some((grid.place(row).into(), [by_views, problem.luminance_left(row, &by_samples).powi(2), light]))
         });
         let view = Size::new(grid.width - 2 * grid.margin, grid.height - 2 * grid.margin);
         let mut cells = Light::of_values(squares, view, CELLS * pitch);

@@ -147,14 +147,14 @@ fn fitted(problem: &Problem<'_>, solution: &Solution, part: &ViewRows) -> Option
     let before = quantile(predicted.iter().map(Predicted::residual), 0.5)?;
     let robust = (1.0 / (3.0 * before.max(1e-3))).powi(2);
     let mut system = vec![0f64; N * (N + 1)];
-    let design = |here: f32, gx: f32, gy: f32, place: [f32; 2]| -> [f32; N] {
+    let design = |p: &Predicted, place: [f32; 2]| -> [f32; N] {
         let t = terms(place[0], place[1]);
         let mut d = [0f32; N];
-        d[0] = here;
+        d[0] = p.here;
         d[1] = 1.0;
         for k in 0..TERMS {
-            d[2 + k] = gx * t[k];
-            d[2 + TERMS + k] = gy * t[k];
+            d[2 + k] = p.gx * t[k];
+            d[2 + TERMS + k] = p.gy * t[k];
         }
         d
     };
@@ -162,17 +162,15 @@ fn fitted(problem: &Problem<'_>, solution: &Solution, part: &ViewRows) -> Option
         let r = p.residual();
         let weight = f64::from(row.weight * p.slope * p.slope / (1.0 + r * r * robust));
         let place = normalised(&problem.grid, problem.grid.place(row));
-        for c in 0..problem.channels {
-            let d = design(p.here[c], p.gx[c], p.gy[c], place);
-            let left = f64::from(p.value[c] - p.here[c]);
-            for i in 0..N {
-                let w = weight * f64::from(d[i]);
-                let line = &mut system[i * (N + 1)..(i + 1) * (N + 1)];
-                for (entry, other) in line.iter_mut().zip(d) {
-                    *entry += w * f64::from(other);
-                }
-                line[N] += w * left;
+        let d = design(p, place);
+        let left = f64::from(p.value - p.here);
+        for i in 0..N {
+            let w = weight * f64::from(d[i]);
+            let line = &mut system[i * (N + 1)..(i + 1) * (N + 1)];
+            for (entry, other) in line.iter_mut().zip(d) {
+                *entry += w * f64::from(other);
             }
+            line[N] += w * left;
         }
     }
     let trace = |from: usize, to: usize| (from..to).map(|i| system[i * (N + 2)]).sum::<f64>() / (to - from) as f64;
@@ -187,13 +185,8 @@ fn fitted(problem: &Problem<'_>, solution: &Solution, part: &ViewRows) -> Option
     }
     let left = |(row, p): (&Row, &Predicted)| {
         let place = normalised(&problem.grid, problem.grid.place(row));
-        let mut sum = 0.0;
-        for c in 0..problem.channels {
-            let d = design(p.here[c], p.gx[c], p.gy[c], place);
-            let told: f32 = d.iter().zip(&x).map(|(d, x)| d * x).sum();
-            sum += (p.value[c] - p.here[c] - told).powi(2);
-        }
-        (sum / problem.channels as f32).sqrt() * p.slope
+        let told: f32 = design(p, place).iter().zip(&x).map(|(d, x)| d * x).sum();
+        (p.value - p.here - told).abs() * p.slope
     };
     let after = quantile(rows().zip(&predicted).map(left), 0.5)?;
     let mut shift = [[0f32; TERMS]; 2];
