@@ -246,6 +246,9 @@ fn every_imperfection_is_written_and_read_again() {
         let capture = format!("{folder}/capture.{}", if jpeg { "jpg" } else { "lfp" });
         let out = lenslet(&["info", &capture]);
         assert!(out.status.success(), "{capture}: {}", String::from_utf8_lossy(&out.stderr));
+        // The simulated camera's own colours, also of a JPEG, which does not say them.
+        let said = String::from_utf8_lossy(&out.stdout);
+        assert!(said.contains("white balance: 1.0 1.117188 1.117188 1.722656"), "{said}");
         // Lenslet's own folder: it takes its place again when asked to, and only then.
         let again = [&base[..], &["--optics", name, "--out", &folder]].concat();
         assert!(!lenslet(&again).status.success());

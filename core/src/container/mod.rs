@@ -35,4 +35,4 @@ pub use facts::{CameraFacts, ColourFacts, Levels, MlaHint};
 pub use lfp::{LocatedFrame, locate_frame};
 pub use open::open_capture;
 pub use profile::{CameraProfile, MeasuredBody, Sensor, same_model};
-pub use write::write_lfp;
+pub use write::{frame_metadata, write_lfp};

@@ -104,15 +104,26 @@ fn json_text(value: &Value) -> Vec<u8> {
     serde_json::to_vec_pretty(value).unwrap_or_default()
 }
 
-fn pack_image(capture: &Capture) -> Result<(Packing, Vec<u8>), Error> {
-    let (m, white) = (&capture.mosaic, capture.levels.white.iter().copied().fold(0.0, f32::max));
-    let packing = if white <= 1023.0 {
+/// What a container says of a capture's frame, as JSON: size, levels, filters, colours, camera. A file of that text beside
+/// a picture or raw file of the same name (`NAME.json`) is read with it.
+pub fn frame_metadata(capture: &Capture) -> Vec<u8> {
+    json_text(&frame_document(capture, packing_for(capture)))
+}
+
+/// As the white level allows.
+fn packing_for(capture: &Capture) -> Packing {
+    let white = capture.levels.white.iter().copied().fold(0.0, f32::max);
+    if white <= 1023.0 {
         Packing::Le10
     } else if white <= 4095.0 {
         Packing::Be12
     } else {
         Packing::Le16
-    };
+    }
+}
+
+fn pack_image(capture: &Capture) -> Result<(Packing, Vec<u8>), Error> {
+    let (m, packing) = (&capture.mosaic, packing_for(capture));
     if m.data.len() != m.width * m.height {
         return Err(Error::Parameter(format!("{} pixels are not {}x{}", m.data.len(), m.width, m.height)));
     }

@@ -5,7 +5,7 @@ use lenslet_core::progress::Observer;
 
 use super::camera::Camera;
 use super::error::Error;
-use super::jpeg::save_as_jpeg;
+use super::jpeg::{SavedMosaic, save_as_jpeg};
 use super::lenslets::Lenslets;
 use super::micro_images::MicroImages;
 use super::options::SimulationOptions;
@@ -23,8 +23,8 @@ pub struct Simulation {
     /// True centres (x, y) of the capture's micro-images on the sensor, row by row: those of the lenslets, moved by
     /// the pupil shift where there is one.
     pub centres: Vec<[f64; 2]>,
-    /// The file of a capture that was saved as JPEG.
-    pub jpeg: Option<Vec<u8>>,
+    /// The files of a capture that was saved as JPEG.
+    pub jpeg: Option<SavedMosaic>,
 }
 
 /// Takes a capture of `scene` and the white images.

@@ -2,13 +2,23 @@
 
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder as _};
-use lenslet_core::container::{Capture, RawMosaic};
+use lenslet_core::container::{Capture, RawMosaic, frame_metadata};
 
 use super::error::Error;
 
-/// Saves the capture's mosaic as JPEG of `quality`, 0 to the white level being the full range of 8 bits, and returns
-/// the file; the capture then holds what is read back from it, with its levels in the file's steps.
-pub fn save_as_jpeg(capture: &mut Capture, quality: u8) -> Result<Vec<u8>, Error> {
+/// A mosaic saved as JPEG.
+#[derive(Debug, Clone)]
+pub struct SavedMosaic {
+    /// The JPEG.
+    pub file: Vec<u8>,
+    /// What the capture said of its frame before, as JSON to lie beside it: a JPEG alone does not say its levels and colours.
+    pub metadata: Vec<u8>,
+}
+
+/// Saves the capture's mosaic as JPEG of `quality`, 0 to the white level being the full range of 8 bits; the capture then
+/// holds what is read back from it, with its levels in the file's steps.
+pub fn save_as_jpeg(capture: &mut Capture, quality: u8) -> Result<SavedMosaic, Error> {
+    let metadata = frame_metadata(capture);
     let fault = |e: image::ImageError| Error::Parameter(format!("the mosaic cannot be saved as JPEG: {e}"));
     let RawMosaic { width, height, data } = &capture.mosaic;
     let full = capture.levels.white.iter().copied().fold(1.0, f32::max);
@@ -23,7 +33,7 @@ pub fn save_as_jpeg(capture: &mut Capture, quality: u8) -> Result<Vec<u8>, Error
     capture.levels.black = capture.levels.black.map(|v| v * scale);
     capture.levels.white = capture.levels.white.map(|v| v * scale);
     capture.jpeg = true;
-    Ok(file)
+    Ok(SavedMosaic { file, metadata })
 }
 
 #[cfg(test)]
@@ -39,7 +49,7 @@ mod tests {
         let plain = Capture::bare(RawMosaic { width: 64, height: 48, data }, Cfa::Bggr, levels);
         let error = |quality| {
             let mut saved = plain.clone();
-            let file = save_as_jpeg(&mut saved, quality).unwrap();
+            let file = save_as_jpeg(&mut saved, quality).unwrap().file;
             let read = image::load_from_memory(&file).unwrap().into_luma8();
             assert!(saved.mosaic.data.iter().zip(read.as_raw()).all(|(a, b)| *a == u16::from(*b)));
             assert!(saved.jpeg && saved.levels.white == [255.0; 4]);

@@ -38,6 +38,7 @@ pub use chart::{FREQUENCIES, PATCHES, WHITE};
 pub use description::{Bounds, Canvas, LayerSource, Paint, Region, SceneDescription};
 pub use error::Error;
 pub use imperfections::Imperfections;
+pub use jpeg::SavedMosaic;
 pub use layer::Layer;
 pub use lenslets::Lenslets;
 pub use micro_images::{MicroImages, Seen};

@@ -40,8 +40,10 @@ pub fn write_simulation(
     let root = pending.path().to_path_buf();
     let path = root.join(capture_name(camera));
     match &simulation.jpeg {
-        Some(file) => {
-            write_part(&path, file).map_err(|e| Error::Write { path: path.clone(), reason: e.to_string() })?;
+        Some(saved) => {
+            for (path, bytes) in [(path.clone(), &saved.file), (path.with_extension("json"), &saved.metadata)] {
+                write_part(&path, bytes).map_err(|e| Error::Write { path, reason: e.to_string() })?;
+            }
         }
         None => container::write_lfp(&path, &simulation.capture, false)?,
     }
