@@ -31,14 +31,13 @@ pub fn luminance(view: &ArrayView3<f32>) -> Result<Plane, Error> {
 
 /// Row `t` of `plane` sampled at (s + dx, t + dy), by Catmull-Rom, edges repeated. `scratch` is reused between calls.
 pub fn shifted_row(plane: &Plane, t: usize, dx: f32, dy: f32, scratch: &mut Vec<f32>, out: &mut [f32]) {
-    let weights = catmull_rom_weights(dx - dx.floor());
-    for (o, q) in out.iter_mut().zip(neighbours_of_shifted_row(plane, t, dx, dy, scratch).windows(4)) {
+    let (weights, neighbours) = neighbours_of_shifted_row(plane, t, dx, dy, scratch);
+    for (o, q) in out.iter_mut().zip(neighbours.windows(4)) {
         *o = weighted_sum(&weights, q);
     }
 }
 
-/// What [`shifted_row`] interpolates along the row: its value s is the sum of the four values from s, weighted by
-/// `catmull_rom_weights(dx − ⌊dx⌋)`.
+/// What [`shifted_row`] interpolates along the row: its value s is the sum of the four values from s on, with these weights.
 #[inline(always)]
 pub fn neighbours_of_shifted_row<'a>(
     plane: &Plane,
@@ -46,10 +45,10 @@ pub fn neighbours_of_shifted_row<'a>(
     dx: f32,
     dy: f32,
     scratch: &'a mut Vec<f32>,
-) -> &'a [f32] {
+) -> ([f32; 4], &'a [f32]) {
     let (w, h) = (plane.width as isize, plane.height as isize);
     let (ix, iy) = (dx.floor(), dy.floor());
-    let weights = catmull_rom_weights(dy - iy);
+    let (along, across) = (catmull_rom_weights(dx - ix), catmull_rom_weights(dy - iy));
     let (ix, iy) = (ix as isize, iy as isize);
     let row = |k: isize| plane.row((t as isize + iy + k).clamp(0, h - 1) as usize);
     let (a, b, c, d) = (row(-1), row(0), row(1), row(2));
@@ -57,7 +56,7 @@ pub fn neighbours_of_shifted_row<'a>(
     scratch.resize(plane.width + 2 * margin, 0.0);
     let inner = &mut scratch[margin..margin + plane.width];
     for ((((o, &a), &b), &c), &d) in inner.iter_mut().zip(a).zip(b).zip(c).zip(d) {
-        *o = weighted_sum(&weights, &[a, b, c, d]);
+        *o = weighted_sum(&across, &[a, b, c, d]);
     }
     let (first, last) = (scratch[margin], scratch[margin + plane.width - 1]);
     scratch[..margin].fill(first);
@@ -65,7 +64,7 @@ pub fn neighbours_of_shifted_row<'a>(
     // Beyond four widths everything is the edge value anyway.
     let ix = ix.clamp(-4 * w, 4 * w);
     let start = (margin as isize + ix - 1) as usize;
-    &scratch[start..start + plane.width + 3]
+    (along, &scratch[start..start + plane.width + 3])
 }
 
 /// Σ weight · value, in this order.

@@ -2,7 +2,7 @@
 //! over all views or, where something in front blocks some of them, over the half of the views in which the point is
 //! visible.
 
-use lenslet_core::image::{Plane, catmull_rom_weights};
+use lenslet_core::image::Plane;
 
 use super::hidden::Hidden;
 use super::planes::{neighbours_of_shifted_row, weighted_sum};
@@ -139,11 +139,10 @@ impl Sweep<'_> {
         if from >= to {
             return;
         }
-        let weights = catmull_rom_weights(dx - dx.floor());
-        let neighbours = neighbours_of_shifted_row(plane, t, dx, dy, scratch)[from..].windows(4);
+        let (weights, neighbours) = neighbours_of_shifted_row(plane, t, dx, dy, scratch);
         let truncation = self.robust.truncation;
         let own = &self.reference.row(t)[from..to];
-        let differences = neighbours.zip(own).map(|(q, own)| {
+        let differences = neighbours[from..].windows(4).zip(own).map(|(q, own)| {
             let difference = (weighted_sum(&weights, q) - own).abs();
             if difference < truncation { difference } else { truncation }
         });

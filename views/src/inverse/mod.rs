@@ -24,5 +24,5 @@ pub(crate) use dispatch::dispatched;
 pub use footprint::SampleFootprint;
 pub use forward::{Grid, Row};
 pub use kernel::Kernel;
-pub(crate) use solve::{LEAST_RESIDUAL, quantile};
+pub(crate) use solve::{LEAST_RESIDUAL, quantile, sample_luminance};
 pub use solve::{Predicted, Problem, Solution, SolveOptions, encoding_slope, mean_contrast, solve};

@@ -122,8 +122,8 @@ impl Problem<'_> {
     }
 
     #[inline(always)]
-    fn luminance(&self, &[r, g, b, _]: &[f32; 4]) -> f32 {
-        if self.channels == 3 { luminance_of_linear([r, g, b]) } else { r }
+    fn luminance(&self, value: &[f32; 4]) -> f32 {
+        sample_luminance(value, self.channels)
     }
 
     #[inline(always)]
@@ -293,6 +293,12 @@ fn solve_with<const N: usize>(problem: &Problem<'_>, start: Vec<Vec<f32>>, optio
     }
     let smooth = kernel.smooth(&planes, grid.width);
     Solution { planes, residual, smooth }
+}
+
+/// Luminance of a sample of three channels; the value of one of a single channel.
+#[inline(always)]
+pub(crate) fn sample_luminance(&[r, g, b, _]: &[f32; 4], channels: usize) -> f32 {
+    if channels == 3 { luminance_of_linear([r, g, b]) } else { r }
 }
 
 /// Luminance, and how much more red and blue are.

@@ -3,7 +3,6 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use lenslet_core::colour::luminance_of_linear;
 use lenslet_core::geometry::Size;
 use lenslet_core::image::{Cell, bilinear_by_differences};
 use lenslet_core::progress::Observer;
@@ -18,7 +17,8 @@ use super::view_disparities::{ViewDisparities, steps_between};
 use super::view_models::{ViewModel, ViewRows, normalised, renew_models};
 use crate::Error;
 use crate::inverse::{
-    Basis, Grid, Kernel, Problem, Row, SampleFootprint, SolveOptions, dispatched, encoding_slope, mean_contrast, solve,
+    Basis, Grid, Kernel, Problem, Row, SampleFootprint, SolveOptions, dispatched, encoding_slope, mean_contrast,
+    sample_luminance, solve,
 };
 
 /// Rounds in which disparity and the views' models are refined.
@@ -120,9 +120,8 @@ impl JointFit {
         let slopes = match set.kind {
             Kind::Encoded => Vec::new(),
             Kind::Linear => {
-                let grey = set.channels() == 1;
-                let light = |&[r, g, b, _]: &[f32; 4]| if grey { r } else { luminance_of_linear([r, g, b]) };
-                set.lanes.iter().map(|f| encoding_slope(light(f))).collect()
+                let channels = set.channels();
+                set.lanes.iter().map(|value| encoding_slope(sample_luminance(value, channels))).collect()
             }
         };
         let basis = Basis::for_footprint(footprint);

@@ -25,9 +25,8 @@ Examples: lenslet simulate --out sim
           lenslet simulate --optics pupil-shift=0.2,cats-eye,crosstalk --out worn
           lenslet simulate --optics real --out real
 
-Writes capture.lfp (capture.lfr where the camera puts a white image into it, capture.jpg with --optics jpeg, and
-capture.json beside it),
-white-00.lfp ..., and truth/: centres.npy (N x 2: x, y of the micro-images in sensor pixels, pixel centres at integers), views/ (a light field, as lenslets gather the scene), sharp/ (the same without
+Writes capture.lfp (capture.lfr where the camera puts a white image into it, capture.jpg
+with capture.json beside it with --optics jpeg), white-00.lfp ..., and truth/: centres.npy (N x 2: x, y of the micro-images in sensor pixels, pixel centres at integers), views/ (a light field, as lenslets gather the scene), sharp/ (the same without
 lenslets), disparity.npy
 (central view, output pixels per view step: a point at x in the central view is at x + D*u in view u), scene.json
 (camera, scene, and where the charts' elements are).
