@@ -40,9 +40,6 @@ struct Arguments {
     /// Views a side, around the middle
     #[arg(long, default_value_t = 7)]
     views: usize,
-    /// Rows and columns of views are numbered the other way round
-    #[arg(long)]
-    transpose: bool,
     /// Samples of lenslets this many pixels apart in place of squares
     #[arg(long)]
     pitch: Option<f64>,
@@ -81,7 +78,6 @@ fn truth(arguments: &Arguments) -> anyhow::Result<Array5<f32>> {
     let side = side / arguments.scale * arguments.scale;
     let (v0, u0) = ((rows - n) / 2, (columns - n) / 2);
     Ok(Array5::from_shape_fn((n, n, side, side, 1), |(v, u, t, s, _)| {
-        let (v, u) = if arguments.transpose { (u, v) } else { (v, u) };
         let pixel = field.data.slice(s![v0 + v, u0 + u, top + t, left + s, ..]);
         video_luminance(&pixel.to_vec())
     }))

@@ -66,8 +66,7 @@ fn a_white_image_decodes_to_flat_views() {
 fn real_views_are_enlarged_better_than_by_bicubic() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
-    // The first number of these names is the column, the reader takes it for the row.
-    let whole = load(&real("f01-jaramillo")).permuted_axes([1, 0, 2, 3, 4]);
+    let whole = load(&real("f01-jaramillo"));
     assert_eq!(whole.dim(), (5, 5, 112, 112, 3));
     let small = Array5::from_shape_fn((5, 5, 56, 56, 3), |(v, u, t, s, c)| {
         whole.slice(s![v, u, 2 * t..2 * t + 2, 2 * s..2 * s + 2, c]).mean().unwrap()

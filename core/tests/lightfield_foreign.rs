@@ -5,7 +5,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use lenslet_core::lightfield::{ColourSpace, Error, Format, LightField, Meta, ReadOptions, create, load, open};
+use lenslet_core::lightfield::{
+    ColourSpace, Error, Format, LightField, Meta, ReadOptions, ViewOrder, create, load, open,
+};
 use ndarray::{Array2, Array4, Array5, ArrayD, Axis, ShapeBuilder, s};
 use ndarray_npy::write_npy;
 
@@ -212,5 +214,43 @@ fn real_light_fields() {
         let row: Vec<_> = [0, 1, views[1] - 1].map(|u| source.read(middle, u).unwrap()).into();
         let difference = |a: usize, b: usize| (&row[a] - &row[b]).mapv(|x| x * x).sum();
         assert!(difference(0, 1) < difference(0, 2), "{name}");
+    }
+}
+
+/// Each of them with its views numbered in eight ways, and the ways that are found.
+#[test]
+fn orders_of_real_light_fields_are_found() {
+    let Some(folder) = lenslet_test_support::data("lightfields") else { return };
+    for name in ["f01_jaramillo_IMG_0001", "kaist_checker_7x7", "hci_antinous_9x9", "hci_cotton_33"] {
+        let options = ReadOptions { partial: true, ..ReadOptions::default() };
+        let source = open(&folder.join(name), &options).unwrap();
+        let views = source.meta().views;
+        let own = source.order().map(|read| read.order);
+        let expected = ViewOrder { columns_first: name.starts_with("f01"), ..ViewOrder::default() };
+        assert_eq!(own, Some(expected), "{name}");
+        for k in 0..8 {
+            let order =
+                ViewOrder { columns_first: k & 1 > 0, mirror_v: k & 2 > 0, mirror_u: k & 4 > 0, serpentine: false };
+            let dir = tempfile::tempdir().unwrap();
+            let [rows, columns] = order.stored_views(views);
+            for at in 0..views[0] * views[1] {
+                let [v, u] = [at / views[1], at % views[1]];
+                let [a, b] = order.stored_place([v, u], views);
+                // What looking for the order reads: a cross of views, and as many as make the others absent, not unknown.
+                let on_cross =
+                    a == rows / 2 || b == columns / 2 || [a, b] == [0, 0] || [a, b] == [rows - 1, columns - 1];
+                if on_cross && !source.is_absent(v, u).unwrap() {
+                    let view = source.read(v, u).unwrap();
+                    let (h, w, _) = view.dim();
+                    let bytes = view.iter().map(|x| (x * 255.0).round() as u8).collect();
+                    let picture = image::RgbImage::from_raw(w as u32, h as u32, bytes).unwrap();
+                    picture.save(dir.path().join(format!("view_{a:02}_{b:02}.png"))).unwrap();
+                }
+            }
+            let found = open(dir.path(), &options).unwrap().order().unwrap();
+            println!("{name}: {order} found as {} ({:.2})", found.order, found.agreement.unwrap());
+            let expected = ViewOrder { mirror_v: order.mirror_v != order.mirror_u, mirror_u: false, ..order };
+            assert_eq!(found.order, expected, "{name} {order}");
+        }
     }
 }

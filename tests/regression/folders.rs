@@ -1,7 +1,7 @@
 //! Folders of pictures: which is which view, what is missing, and what kind of picture it is.
 
 use super::bench::Bench;
-use super::fields::{aloud, save_view, scene, told};
+use super::fields::{aloud, read_npy, save_view, scene, told};
 
 /// Signs made another pattern of names: a quarter of the views was taken for the light field.
 #[test]
@@ -105,4 +105,51 @@ fn pictures_that_are_left_out_are_counted() {
         answer.err
     );
     bench.refused("convert w --out y", &["WebP", "PNG"]);
+}
+
+/// Views numbered column by column, from below or back and forth were believed to be row by row, and depth was garbage.
+#[test]
+fn the_order_of_views_is_found() {
+    let bench = Bench::new();
+    let n = 7;
+    let field = scene(n, 96, [-1.2, 0.3, 0.9]);
+    type Name = fn(usize, usize, usize) -> String;
+    let orders: [(&str, &str, Name); 6] = [
+        ("rm", "rows", |v, u, n| format!("im{:03}", v * n + u)),
+        ("cr", "columns", |v, u, _| format!("v_{u}_{v}")),
+        ("cm", "columns", |v, u, n| format!("im{:03}", u * n + v)),
+        ("bu", "mirror-v", |v, u, n| format!("im{:03}", (n - 1 - v) * n + u)),
+        ("sp", "serpentine", |v, u, n| format!("im{:03}", v * n + if v % 2 == 0 { u } else { n - 1 - u })),
+        ("sc", "columns,serpentine", |v, u, n| format!("im{:03}", u * n + if u % 2 == 0 { v } else { n - 1 - v })),
+    ];
+    for (folder, order, name) in orders {
+        for v in 0..n {
+            for u in 0..n {
+                save_view(&field, v, u, &bench.at(&format!("{folder}/{}.png", name(v, u, n))));
+            }
+        }
+        let info = told(bench.path(), &format!("info {folder}"));
+        assert_eq!(
+            (&info["order"]["views"], &info["order"]["found_by"]),
+            (&order.into(), &"parallax".into()),
+            "{info}"
+        );
+        bench.done(&format!("convert {folder} --out {folder}.npy"));
+        let expected = field.mapv(|x| f32::from(x) / 255.0);
+        let read = read_npy(&bench.at(&format!("{folder}.npy")));
+        assert!((&read - &expected).iter().all(|d| d.abs() < 1e-4), "{folder}");
+        // What the user says counts, and a description that is there.
+        let stated = told(bench.path(), &format!("info {folder} --order rows"));
+        assert_eq!(stated["order"]["views"], "rows");
+        bench.done(&format!("convert {folder} --order rows --out stored.npy --force"));
+        let stored = read_npy(&bench.at("stored.npy"));
+        assert_eq!(order == "rows", (&stored - &expected).iter().all(|d| d.abs() < 1e-4), "{folder}");
+        bench.done(&format!("convert stored.npy --order {order} --out again.npy --force"));
+        let again = read_npy(&bench.at("again.npy"));
+        assert!((&again - &expected).iter().all(|d| d.abs() < 1e-4), "{folder}");
+        let warned = aloud(bench.path(), &format!("depth {folder} --out d --force"));
+        assert_eq!(order == "rows", warned.err.is_empty(), "{folder}: {}", warned.err);
+    }
+    let answer = bench.run("convert cr --order column --out x.npy");
+    assert!(answer.code == Some(2) && answer.err.contains("rows, or of columns"), "{}", answer.err);
 }

@@ -10,7 +10,7 @@ use crate::input::open_regular;
 use super::error::{Error, io_at, unsupported};
 use super::meta::Meta;
 use super::sample::SampleFormat;
-use super::view_io::{ViewSource, check_finite};
+use super::view_io::{Numbering, ViewSource, check_finite};
 
 /// Largest block held in memory, bytes.
 const MAX_BLOCK: u64 = 4 << 30;
@@ -113,13 +113,21 @@ pub(super) struct BlockViews {
     meta: Meta,
     block: SampleBlock,
     notes: Vec<String>,
+    numbering: Numbering,
     length: u64,
 }
 
 impl BlockViews {
     /// The light field of the file `path` of `length` bytes; the shape of `block` is that of `meta`.
-    pub(super) fn new(path: &Path, meta: Meta, block: SampleBlock, notes: Vec<String>, length: u64) -> Self {
-        BlockViews { path: path.to_path_buf(), meta, block, notes, length }
+    pub(super) fn new(
+        path: &Path,
+        meta: Meta,
+        block: SampleBlock,
+        notes: Vec<String>,
+        numbering: Numbering,
+        length: u64,
+    ) -> Self {
+        BlockViews { path: path.to_path_buf(), meta, block, notes, numbering, length }
     }
 }
 
@@ -130,6 +138,10 @@ impl ViewSource for BlockViews {
 
     fn notes(&self) -> &[String] {
         &self.notes
+    }
+
+    fn numbering(&self) -> Numbering {
+        self.numbering
     }
 
     fn stored_bytes(&self) -> Option<u64> {

@@ -11,7 +11,7 @@ use super::error::{Error, absent, io_at, malformed, unsupported};
 use super::format::ReadOptions;
 use super::image_file;
 use super::meta::Meta;
-use super::view_io::{ViewSink, ViewSource, check_all_written, name_places, tell_absent};
+use super::view_io::{Numbering, ViewSink, ViewSource, check_all_written, name_places, tell_absent};
 use super::write_queue::WriteQueue;
 use crate::input::read_regular;
 use crate::output::{Pending, write_part};
@@ -164,6 +164,10 @@ fn check_pictures(folder: &Path, meta: &Meta) -> Result<(u64, Vec<usize>), Strin
 impl ViewSource for Reader {
     fn meta(&self) -> &Meta {
         &self.meta
+    }
+
+    fn numbering(&self) -> Numbering {
+        Numbering::Described
     }
 
     fn stored_bytes(&self) -> Option<u64> {

@@ -12,7 +12,7 @@ use super::format::ReadOptions;
 use super::image_file;
 use super::meta::{MAX_SIDE, Meta};
 use super::value_range::{Extent, full_scale};
-use super::view_io::{ViewSink, check_all_written, relative_weights};
+use super::view_io::{Numbering, ViewSink, check_all_written, relative_weights};
 use crate::output::Pending;
 
 /// Most values of such a picture; 2 GiB at 16 bits.
@@ -28,16 +28,16 @@ pub(super) fn open(path: &Path, views: [usize; 2], options: &ReadOptions) -> Res
     let colour = options.colour.unwrap_or(ColourSpace::Srgb);
     let mut meta = Meta::new(views, size, shape.channels, colour);
     meta.check().map_err(|e| malformed(path, format!("no lenslet picture of {rows}x{columns} views: {e}")))?;
-    let mut notes = Vec::new();
+    let (mut notes, mut numbering) = (Vec::new(), Numbering::Pairs);
     if let Some(text) = image_file::read_description(path) {
         match Companion::from_text(text.as_bytes()).and_then(|found| found.of(&meta, "")) {
-            Ok(described) => meta = described,
+            Ok(described) => (meta, numbering) = (described, Numbering::Described),
             Err(why) => notes.push(format!("{}: its description is left alone: {why}", path.display())),
         }
     }
     if options.header_only {
         let layout = BlockLayout { strides: [0; 5], number: image_file::EIGHT_BITS, scale: 255.0 };
-        return Ok(BlockViews::new(path, meta, SampleBlock::new(Vec::new(), layout), notes, length));
+        return Ok(BlockViews::new(path, meta, SampleBlock::new(Vec::new(), layout), notes, numbering, length));
     }
     let (bytes, number, channels) = image_file::read_stored_with_alpha(path, MAX_VALUES)?;
     let line = shape.width * channels;
@@ -57,7 +57,7 @@ pub(super) fn open(path: &Path, views: [usize; 2], options: &ReadOptions) -> Res
         let mean = |k: usize| block.mean_of_channel(k / columns, k % columns, (size[0], size[1]), shape.channels);
         meta.weights = relative_weights(&(0..rows * columns).map(mean).collect::<Vec<_>>());
     }
-    Ok(BlockViews::new(path, meta, block, notes, length))
+    Ok(BlockViews::new(path, meta, block, notes, numbering, length))
 }
 
 /// Views (rows, columns) of a lenslet picture that this project wrote.

@@ -7,6 +7,7 @@ use std::str::FromStr;
 use super::axes::Axes;
 use super::colour::ColourSpace;
 use super::error::Error;
+use super::view_order::ViewOrder;
 
 /// How a light field is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -83,6 +84,9 @@ pub struct ReadOptions {
     pub full_scale: Option<f32>,
     /// The order of the axes of arrays; when absent (v, u, t, s, c), (v, u, t, s), or (n, t, s, c) with views in a row.
     pub axes: Option<Axes>,
+    /// The order of views; when absent that of the description, else found by the parallax of the pictures, else rows
+    /// first. Not looked for with `header_only`.
+    pub order: Option<ViewOrder>,
     /// Also take folders in which views of a full grid are absent: these have weight 0, and cannot be read
     /// ([`ViewSource::is_absent`](super::ViewSource::is_absent)); read whole ([`load`](super::load)) their values are 0.
     /// Refused when false.

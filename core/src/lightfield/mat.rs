@@ -20,7 +20,7 @@ use super::format::ReadOptions;
 use super::meta::Meta;
 use super::sample::{SampleFormat, SampleKind};
 use super::value_range::{Extent, full_scale};
-use super::view_io::{ViewSink, check_all_written, relative_weights};
+use super::view_io::{Numbering, ViewSink, check_all_written, relative_weights};
 use crate::input::open_regular;
 use crate::output::Pending;
 use crate::picture_file::may_expand;
@@ -142,6 +142,7 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<BlockViews, Err
         notes.extend(note);
         fingerprint = Some(fingerprint_of(&bytes));
     }
+    let mut numbering = Numbering::Pairs;
     match description {
         Some(place) => {
             let text = read_description(&mut file, place, big).map_err(|e| e.to_string());
@@ -150,7 +151,7 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<BlockViews, Err
                 None => found.of_shape(&meta),
             });
             match found {
-                Ok(described) => meta = described,
+                Ok(described) => (meta, numbering) = (described, Numbering::Described),
                 Err(why) => notes.push(format!(
                     "{}: its description (variable {DESCRIPTION}) is left alone: {why}",
                     path.display()
@@ -170,7 +171,7 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<BlockViews, Err
             (0..rows * columns).map(|k| block.mean_of_channel(k / columns, k % columns, (height, width), 3)).collect();
         meta.weights = relative_weights(&means);
     }
-    Ok(BlockViews::new(path, meta, block, notes, length))
+    Ok(BlockViews::new(path, meta, block, notes, numbering, length))
 }
 
 /// The type of numbers that a class of arrays stands for. MATLAB may store them in a smaller type.

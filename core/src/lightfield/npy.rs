@@ -17,7 +17,7 @@ use super::format::ReadOptions;
 use super::meta::Meta;
 use super::sample::{SampleFormat, SampleKind};
 use super::value_range::{Extent, full_scale};
-use super::view_io::{ViewSink, ViewSource, check_all_written, check_finite, relative_weights};
+use super::view_io::{Numbering, ViewSink, ViewSource, check_all_written, check_finite, relative_weights};
 use super::write_queue::WriteQueue;
 use crate::input::{open_regular, read_regular};
 use crate::output::{NPY_HEADER, Pending, write_at};
@@ -130,6 +130,7 @@ pub(super) struct Reader {
     layout: ArrayLayout,
     whole: Option<SampleBlock>,
     notes: Vec<String>,
+    numbering: Numbering,
     length: u64,
 }
 
@@ -157,8 +158,9 @@ impl Reader {
             return Err(malformed(path, format!("ends early: {length} bytes, its header needs {expected}")));
         }
         let path = path.to_path_buf();
+        let (notes, numbering) = (Vec::new(), Numbering::Pairs);
         let mut reader =
-            Reader { path, meta, number, scale: usual, start, layout, whole: None, notes: Vec::new(), length };
+            Reader { path, meta, number, scale: usual, start, layout, whole: None, notes, numbering, length };
         reader.describe(bytes, options)?;
         if !options.header_only {
             reader.examine(&header, values, options)?;
@@ -187,7 +189,7 @@ impl Reader {
             found.of(&self.meta, &fingerprint)
         });
         match found {
-            Ok(meta) => self.meta = meta,
+            Ok(meta) => (self.meta, self.numbering) = (meta, Numbering::Described),
             Err(why) => {
                 let text = format!("{own}: the description {} is left alone: {why}", beside.display());
                 self.notes.push(text);
@@ -296,6 +298,10 @@ impl ViewSource for Reader {
 
     fn notes(&self) -> &[String] {
         &self.notes
+    }
+
+    fn numbering(&self) -> Numbering {
+        self.numbering
     }
 
     fn stored_bytes(&self) -> Option<u64> {

@@ -13,7 +13,7 @@ use super::meta::Meta;
 use super::names::{Arrangement, Order, arrange_names};
 use super::parallax::{Rows, rows_of};
 use super::value_range::PictureRange;
-use super::view_io::{ViewSource, tell_absent};
+use super::view_io::{Numbering, ViewSource, tell_absent};
 use crate::picture_file::{ENDINGS, READ, UNREAD_ENDINGS};
 
 /// Most files looked at in a folder.
@@ -28,6 +28,7 @@ pub(super) struct Reader {
     meta: Meta,
     range: PictureRange,
     notes: Vec<String>,
+    numbering: Numbering,
     stored: u64,
 }
 
@@ -76,7 +77,9 @@ impl Reader {
         };
         let length = |name: &String| std::fs::metadata(folder.join(name)).map_or(0, |m| m.len());
         let stored = found.names.iter().flatten().map(length).sum();
-        let mut reader = Reader { folder: folder.to_path_buf(), names: found.names, meta, range, notes, stored };
+        let numbering = if found.order == Order::Named { Numbering::Pairs } else { Numbering::Running };
+        let (folder, names) = (folder.to_path_buf(), found.names);
+        let mut reader = Reader { folder, names, meta, range, notes, numbering, stored };
         reader.notes.extend(reader.range.note.clone());
         Ok(reader)
     }
@@ -113,6 +116,10 @@ impl ViewSource for Reader {
 
     fn notes(&self) -> &[String] {
         &self.notes
+    }
+
+    fn numbering(&self) -> Numbering {
+        self.numbering
     }
 
     fn stored_bytes(&self) -> Option<u64> {

@@ -7,9 +7,12 @@ use ndarray::{Array5, s};
 use super::colour::ColourSpace;
 use super::error::{Error, io_at};
 use super::field::LightField;
+use super::find_order::{describe_order, find_order};
 use super::format::{Format, ReadOptions};
 use super::meta::Meta;
-use super::view_io::{ViewSink, ViewSource};
+use super::reordered::Reordered;
+use super::view_io::{Numbering, ViewSink, ViewSource};
+use super::view_order::ReadOrder;
 use super::{directory, eslf, mat, npy, numbered, single};
 use crate::input::open_regular;
 use crate::picture_file::may_expand;
@@ -56,7 +59,8 @@ pub fn create(path: &Path, meta: Meta, format: Format, force: bool) -> Result<Bo
 /// # Errors
 /// When `path` is no readable light field, or its parts contradict each other.
 pub fn open(path: &Path, options: &ReadOptions) -> Result<Box<dyn ViewSource>, Error> {
-    let source = open_any(path, options)?;
+    let views = options.views.map(|views| options.order.unwrap_or_default().stored_views(views));
+    let source = in_own_order(path, open_any(path, &ReadOptions { views, ..options.clone() })?, options);
     let meta = source.meta();
     let contradicts = |what: String| {
         let path = path.display().to_string();
@@ -72,6 +76,21 @@ pub fn open(path: &Path, options: &ReadOptions) -> Result<Box<dyn ViewSource>, E
         return contradicts("its description says that its values are sRGB-encoded, not linear light".into());
     }
     Ok(source)
+}
+
+/// `source` read in this project's order of views.
+fn in_own_order(path: &Path, source: Box<dyn ViewSource>, options: &ReadOptions) -> Box<dyn ViewSource> {
+    let numbering = source.numbering();
+    let (read_order, notes) = match options.order {
+        Some(order) => (ReadOrder { order, agreement: None }, Vec::new()),
+        None if numbering == Numbering::Described || options.header_only => return source,
+        None => {
+            let Some(found) = find_order(&*source) else { return source };
+            let note = describe_order(found.order, numbering).map(|note| format!("{}: {note}", path.display()));
+            (found, note.into_iter().collect())
+        }
+    };
+    Box::new(Reordered::new(source, read_order, notes))
 }
 
 fn open_any(path: &Path, options: &ReadOptions) -> Result<Box<dyn ViewSource>, Error> {

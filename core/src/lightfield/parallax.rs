@@ -54,11 +54,18 @@ pub(super) fn rows_of(folder: &Path, names: &[&str], columns: usize) -> Result<R
     let small = reduced(folder, names, &all)?;
     let steps: Vec<f64> = small.windows(2).map(|w| difference(&w[0], &w[1])).collect();
     let far: Vec<f64> = (0..names.len() - columns).map(|k| difference(&small[k], &small[k + columns])).collect();
-    Ok(judge(&steps, &far, columns))
+    let back: Vec<f64> = above_backwards(names.len(), columns).map(|(a, b)| difference(&small[a], &small[b])).collect();
+    Ok(judge(&steps, &far, &back, columns))
 }
 
-/// By the differences of neighbours (`steps`) and of views `columns` apart (`far`).
-fn judge(steps: &[f64], far: &[f64], columns: usize) -> Rows {
+/// Views and those that lie below them where every second row runs backwards.
+fn above_backwards(count: usize, columns: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..count).map(move |k| (k, 2 * (k / columns + 1) * columns - 1 - k)).filter(move |&(_, below)| below < count)
+}
+
+/// By the differences of neighbours (`steps`), of views `columns` apart (`far`), and of those one above the other if
+/// every second row runs backwards (`back`).
+fn judge(steps: &[f64], far: &[f64], back: &[f64], columns: usize) -> Rows {
     let count = steps.len() + 1;
     // Mean jump at the ends of rows of `n` over the median of the other steps.
     let jump = |n: usize| {
@@ -82,7 +89,7 @@ fn judge(steps: &[f64], far: &[f64], columns: usize) -> Rows {
     let mean = |d: &[f64]| d.iter().sum::<f64>() / d.len().max(1) as f64;
     // In one long row views far apart differ by far, and no step is a jump.
     if mean(steps) > SAME && mean(far) > JUMP[1] * mean(steps) && own < 1.1 && own > 0.0 {
-        return Rows::Other(count);
+        return if mean(back) < JUMP[1] * mean(steps) { Rows::Confirmed } else { Rows::Other(count) };
     }
     Rows::Unknown
 }
@@ -128,7 +135,10 @@ mod tests {
 
     /// Differences of views of a grid of `columns`, of which `count` are there from `first` on.
     fn of(columns: usize, first: usize, count: usize, assumed: usize, noise: f64) -> Rows {
-        let place = |k: usize| (((first + k) / columns) as f64, ((first + k) % columns) as f64);
+        judged(|k| (((first + k) / columns) as f64, ((first + k) % columns) as f64), count, assumed, noise)
+    }
+
+    fn judged(place: impl Fn(usize) -> (f64, f64), count: usize, assumed: usize, noise: f64) -> Rows {
         let d = |a: usize, b: usize| {
             let ((r, c), (q, e)) = (place(a), place(b));
             // Differences grow with distance, and saturate.
@@ -137,7 +147,8 @@ mod tests {
         };
         let steps: Vec<f64> = (0..count - 1).map(|k| d(k, k + 1)).collect();
         let far: Vec<f64> = (0..count - assumed).map(|k| d(k, k + assumed)).collect();
-        judge(&steps, &far, assumed)
+        let back: Vec<f64> = above_backwards(count, assumed).map(|(a, b)| d(a, b)).collect();
+        judge(&steps, &far, &back, assumed)
     }
 
     #[test]
@@ -147,5 +158,9 @@ mod tests {
         assert_eq!(of(9, 0, 64, 8, 0.002), Rows::Other(9));
         assert_eq!(of(9, 36, 9, 3, 0.002), Rows::Other(9), "a middle row of nine");
         assert_eq!(of(9, 0, 81, 9, 10.0), Rows::Unknown, "noise alone");
+        let back_and_forth =
+            |k: usize| ((k / 7) as f64, if (k / 7).is_multiple_of(2) { k % 7 } else { 6 - k % 7 } as f64);
+        assert_eq!(judged(back_and_forth, 49, 7, 0.002), Rows::Confirmed, "every second row backwards");
+        assert_eq!(of(49, 0, 49, 7, 0.002), Rows::Other(49), "one row");
     }
 }

@@ -10,7 +10,7 @@ use super::format::ReadOptions;
 use super::image_file::{self, Shape};
 use super::meta::Meta;
 use super::value_range::PictureRange;
-use super::view_io::ViewSource;
+use super::view_io::{Numbering, ViewSource};
 
 /// A single image as a light field of one view.
 pub(super) struct SinglePicture {
@@ -37,6 +37,10 @@ impl ViewSource for SinglePicture {
 
     fn notes(&self) -> &[String] {
         self.range.note.as_slice()
+    }
+
+    fn numbering(&self) -> Numbering {
+        Numbering::Described
     }
 
     fn read(&self, v: usize, u: usize) -> Result<Array3<f32>, Error> {

@@ -6,6 +6,7 @@ use ndarray::Array3;
 
 use super::error::{Error, malformed, unsupported};
 use super::meta::Meta;
+use super::view_order::ReadOrder;
 
 /// A light field being written, one view at a time, in any order; complete only after `finish`. Views whose weight is 0
 /// may be left out: they are absent then.
@@ -26,6 +27,17 @@ pub trait ViewSink: Send {
     fn finish(self: Box<Self>) -> Result<(), Error>;
 }
 
+/// What the numbers of views rest on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Numbering {
+    /// A description of this project: they are rows and columns.
+    Described,
+    /// Two numbers a view, in names or as axes of an array.
+    Pairs,
+    /// One running number.
+    Running,
+}
+
 /// A light field being read, one view at a time.
 pub trait ViewSource: Send + Sync {
     /// Its description.
@@ -33,6 +45,12 @@ pub trait ViewSource: Send + Sync {
     /// What was assumed in reading it, a sentence each, for the user to see; usually nothing.
     fn notes(&self) -> &[String] {
         &[]
+    }
+    /// What its numbers of views rest on.
+    fn numbering(&self) -> Numbering;
+    /// The order that its views are stored in, where it was stated or looked for; they are read in this project's.
+    fn order(&self) -> Option<ReadOrder> {
+        None
     }
     /// Bytes of the files that it is read from, where they are few.
     fn stored_bytes(&self) -> Option<u64> {

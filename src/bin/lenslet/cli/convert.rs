@@ -58,7 +58,7 @@ pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let format = args.written.format()?;
     meta.provenance.push(json!({
         "tool": "lenslet", "version": env!("CARGO_PKG_VERSION"), "command": "convert",
-        "input": args.source.name(), "first_view": first,
+        "input": args.source.name(), "first_view": first, "order": source.order().map(|read| read.order.to_string()),
     }));
 
     let mut absent = 0;

@@ -13,7 +13,7 @@ use lenslet_core::container::{
 use lenslet_core::decode::{HexSamples, SamplesOrigin};
 use lenslet_core::dictionary;
 use lenslet_core::input::open_regular;
-use lenslet_core::lightfield::{self, ReadOptions};
+use lenslet_core::lightfield::{self, Numbering, ReadOptions, ReadOrder};
 use lenslet_core::progress::Observer;
 use serde_json::{Map, Value, json};
 
@@ -33,6 +33,10 @@ pub struct Args {
     #[command(flatten)]
     read: ReadArgs,
 }
+
+/// Values of an array up to which it is read to find the order of its views; of folders a few pictures suffice.
+/// Source: chosen; 128 MiB.
+const LOOKED_AT: usize = 1 << 25;
 
 pub fn run(args: &Args, context: &Context) -> anyhow::Result<Outcome> {
     let json = describe(args)?;
@@ -259,6 +263,24 @@ fn light_field(path: &Path, args: &Args) -> anyhow::Result<Value> {
     let mut json = json!({"kind": if one { "picture" } else { "light field" }});
     if let (Value::Object(all), Some(json)) = (json!(m), json.as_object_mut()) {
         json.extend(all);
+    }
+    // A second time with the pictures, which may tell the order of the views.
+    let values = m.view_shape().0 * m.view_shape().1 * m.channels * m.views[0] * m.views[1];
+    let looked_at = !one && source.numbering() != Numbering::Described && (path.is_dir() || values <= LOOKED_AT);
+    let opened = if looked_at { lightfield::open(path, &args.read.options()).ok() } else { None };
+    let source = opened.as_deref().unwrap_or(&*source);
+    if looked_at || source.order().is_some() {
+        json["order"] = match source.order() {
+            Some(ReadOrder { order, agreement: Some(agreement) }) => {
+                json!({"views": order.to_string(), "found_by": "parallax", "agreement": agreement})
+            }
+            Some(ReadOrder { order, .. }) => json!({"views": order.to_string(), "found_by": "--order"}),
+            None => json!({"views": "rows", "found_by": "numbers alone, parallax does not tell"}),
+        };
+        json["views"] = json!(source.meta().views);
+        if let Some(weights) = &source.meta().weights {
+            json["weights"] = json!(weights);
+        }
     }
     if !source.notes().is_empty() {
         json["warnings"] = json!(source.notes());

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use lenslet::apps::{even_out_light, to_linear_light};
 use lenslet_core::decode::{HexSamples, SamplesOrigin, find_samples_file, samples_beside, view_fingerprint};
-use lenslet_core::lightfield::{self, Axes, ColourSpace, LightField, ReadOptions, ViewSource};
+use lenslet_core::lightfield::{self, Axes, ColourSpace, LightField, ReadOptions, ViewOrder, ViewSource};
 use lenslet_core::progress::Observer as _;
 use ndarray::Array2;
 
@@ -29,6 +29,11 @@ pub struct ReadArgs {
     /// columns of pixels, c channels [default: vutsc]
     #[arg(long, value_name = "ORDER")]
     axes: Option<Axes>,
+    /// Order of the views: rows (row, then column), or those that hold, joined by commas, of columns (column, then row),
+    /// mirror-v (rows from below), mirror-u (columns from the right), serpentine (every second row backwards)
+    /// [default: by the description, else by the parallax of the pictures]
+    #[arg(long, value_name = "ORDER")]
+    order: Option<ViewOrder>,
 }
 
 fn parse_full_scale(text: &str) -> Result<f32, String> {
@@ -44,6 +49,7 @@ impl ReadArgs {
             colour: self.input_linear.then_some(ColourSpace::Linear),
             full_scale: self.full_scale,
             axes: self.axes.clone(),
+            order: self.order,
             partial: true,
             ..ReadOptions::default()
         }
@@ -161,6 +167,12 @@ pub fn file_name(path: &Path) -> Option<String> {
 /// When they cannot be read, or are not known to be those of this light field.
 pub fn measured_samples(input: &Path, source: &dyn ViewSource, without: bool) -> anyhow::Result<Option<HexSamples>> {
     let Some(path) = find_samples_file(input).filter(|_| !without) else { return Ok(None) };
+    anyhow::ensure!(
+        source.order().is_none_or(|read| read.order.is_own()),
+        "{}: {} has samples that are numbered as its views are stored: leave --order out, or the samples with --without-samples",
+        path.display(),
+        input.display()
+    );
     let [rows, columns] = source.meta().views;
     let belongs = match SamplesOrigin::read(&path)?.and_then(|origin| origin.middle_view) {
         Some(expected) => view_fingerprint(&source.read(rows / 2, columns / 2)?) == expected,
