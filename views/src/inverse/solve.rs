@@ -19,23 +19,17 @@ use super::prior::EdgeWeights;
 /// Source: chosen, half a step of 8-bit values.
 pub(crate) const LEAST_RESIDUAL: f32 = 2e-3;
 
-/// Median residuals at which a sample loses half of its weight, where the samples are worth half or less in the mean, and
-/// where they are worth 1.
-///
-/// Source: chosen: 3 throughout loses 0.2 dB on the KAIST field and where much is hidden, 2.5 throughout 0.3 dB on that of
-/// Jaramillo, which has most with 6, but views of captures, worth half because of their light, lose 0.1 to 0.3 dB from 4 on.
-const OUTLYING: [f32; 2] = [2.0, 6.0];
-
 /// Error of the samples' places and of the footprint, encoded values. All samples of a surface share it, so that more of
 /// them do not average it away.
 ///
 /// Source: chosen.
 const SYSTEMATIC: f32 = 2e-3;
 
-/// Times as large as that of another view's sample a residual of the view's own samples must be to count as unusual.
+/// Median residuals at which a sample of the view itself loses half of its weight.
 ///
-/// Source: chosen: with 1, Antinous enlarged by two loses 0.2 dB; without limit, the KAIST field by three 0.2 dB.
-const CERTAIN: f32 = 2.0;
+/// Source: chosen: with 3, Antinous enlarged by two loses 0.2 dB; without limit, the KAIST field by three 0.2 dB; with 10, dust on
+/// lenslets comes back.
+const OWN_OUTLYING: f32 = 6.0;
 
 /// Share of the pixels, those of the least contrast, where residuals are taken for noise.
 ///
@@ -88,6 +82,9 @@ pub struct SolveOptions {
     pub prior: f32,
     /// Differences below this many encoded values are punished by their square; default 0.1.
     pub edge: f32,
+    /// Median residuals at which a sample loses half of its weight, one of weight ½ or less and one of weight 1; default
+    /// 3 for all.
+    pub outlying: [f32; 2],
     /// Error of the samples' places that they share, pixels: where the picture has contrast it counts as noise of
     /// all of them; default 0.
     pub place_error: f32,
@@ -95,7 +92,7 @@ pub struct SolveOptions {
 
 impl Default for SolveOptions {
     fn default() -> Self {
-        SolveOptions { reweightings: 3, steps: 12, prior: 1.0, edge: 0.1, place_error: 0.0 }
+        SolveOptions { reweightings: 3, steps: 12, prior: 1.0, edge: 0.1, outlying: [3.0; 2], place_error: 0.0 }
     }
 }
 
@@ -249,20 +246,23 @@ fn solve_with<const N: usize>(problem: &Problem<'_>, start: Vec<Vec<f32>>, optio
     let squared = kernel.squared();
     let (mut residual, mut noise) = (0.0, [f32::INFINITY; 3]);
     let plain = quantile(problem.contrast.iter().copied(), PLAIN).unwrap_or(f32::INFINITY);
-    let worth = problem.rows.iter().map(|row| row.weight).sum::<f32>() / problem.rows.len().max(1) as f32;
-    let outlying = OUTLYING[0] + (OUTLYING[1] - OUTLYING[0]) * (2.0 * worth - 1.0).max(0.0);
     for _ in 0..=options.reweightings {
         let smooth = kernel.smooth(&planes, grid.width);
         let usual = problem.usual_residuals::<N>(&smooth, plain);
         residual = usual.0;
-        let scale = 1.0 / (outlying * residual).max(2.0 * LEAST_RESIDUAL);
         let mut sums = Accumulator::new(&grid);
         let mut total = 0f64;
         for row in problem.rows {
             let slope = problem.slope(row.sample);
-            let certain = if problem.own.contains(&row.sample) { CERTAIN } else { 1.0 };
             let left = problem.left_with::<N>(row, &smooth);
-            let unusual = problem.over_channels(row, &left) * scale / certain;
+            let half = if problem.own.contains(&row.sample) {
+                (OWN_OUTLYING * residual).max(4.0 * LEAST_RESIDUAL)
+            } else {
+                let [least, most] = options.outlying;
+                let outlying = least + (most - least) * (2.0 * row.weight - 1.0).max(0.0);
+                (outlying * residual).max(2.0 * LEAST_RESIDUAL)
+            };
+            let unusual = problem.over_channels(row, &left) / half;
             let weight = row.weight / (1.0 + unusual * unusual);
             total += f64::from(weight);
             let weight = weight * slope * slope;
