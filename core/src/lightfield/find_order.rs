@@ -254,11 +254,8 @@ fn block_fits(middle: &Plane, neighbours: &[Neighbour]) -> Option<Fits> {
         .step_by(side)
         .flat_map(|t| (border..middle.width.saturating_sub(border + side - 1)).step_by(side).map(move |s| [t, s]))
         .collect();
-    let block = |corner: &[usize; 2]| {
-        let fits = Block::of(middle, *corner, side)?.fits(neighbours);
-        Some(fits)
-    };
-    let found: Vec<[f64; 4]> = corners.par_iter().filter_map(block).collect();
+    let fits = |corner: &[usize; 2]| Some(Block::of(middle, *corner, side)?.fits(neighbours));
+    let found: Vec<[f64; 4]> = corners.par_iter().filter_map(fits).collect();
     (found.len() >= BLOCKS).then(|| [0, 1, 2, 3].map(|k| found.iter().map(|f| f[k]).collect()))
 }
 

@@ -70,7 +70,12 @@ pub fn open(path: &Path, options: &ReadOptions) -> Result<Box<dyn ViewSource>, E
         && meta.views != [rows, columns]
     {
         let [r, c] = meta.views;
-        return contradicts(format!("it has {r}x{c} views, not the {rows}x{columns} of --views"));
+        let found = if options.order.is_none() && source.order().is_some_and(|read| read.order.columns_first) {
+            " (its columns come first, by parallax: --order columns if so, --order rows if not)"
+        } else {
+            ""
+        };
+        return contradicts(format!("it has {r}x{c} views{found}, not the {rows}x{columns} of --views"));
     }
     if options.colour == Some(ColourSpace::Linear) && meta.colour == ColourSpace::Srgb {
         return contradicts("its description says that its values are sRGB-encoded, not linear light".into());
