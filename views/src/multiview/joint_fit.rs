@@ -119,7 +119,7 @@ impl Placed {
 
     /// What a sample is worth in the mean.
     fn mean_weight(&self) -> f32 {
-        self.rows.iter().map(|row| row.weight).sum::<f32>() / self.rows.len().max(1) as f32
+        (self.rows.iter().map(|row| f64::from(row.weight)).sum::<f64>() / self.rows.len().max(1) as f64) as f32
     }
 
     /// Weighs the samples of the other views, all but `own`.
