@@ -117,9 +117,12 @@ impl Placed {
         }
     }
 
-    /// What a sample is worth in the mean.
-    fn mean_weight(&self) -> f32 {
-        (self.rows.iter().map(|row| f64::from(row.weight)).sum::<f64>() / self.rows.len().max(1) as f64) as f32
+    /// [`SolveOptions::outlying`] by what the samples are worth in the mean.
+    fn outlying(&self) -> [f32; 2] {
+        let sum: f64 = self.rows.iter().map(|row| f64::from(row.weight)).sum();
+        let mean = (sum / self.rows.len().max(1) as f64) as f32;
+        let [least, most] = OUTLYING;
+        [least, least + (most - least) * (2.0 * mean - 1.0).max(0.0)]
     }
 
     /// Weighs the samples of the other views, all but `own`.
@@ -285,30 +288,25 @@ impl JointFit {
         placed.weigh_others(&own, &trust);
         placed.set_own(&own, OWN);
         solution.planes = trust.mixed(alone.clone(), &solution.planes);
+        let outlying = placed.outlying();
+        let settled = |steps| SolveOptions { outlying, ..self.one_solution(steps) };
         for round in 0..LIGHT_ROUNDS {
             let problem = self.problem(set, &placed, &values, contrast, at, grid);
             if round > 0 {
-                solution = solve(&problem, solution.planes, &self.settled(self.steps[0], &placed));
+                solution = solve(&problem, solution.planes, &settled(self.steps[0]));
             }
             let mut equal = values.clone().into_owned();
             equalise(&mut equal, &problem, &solution, &placed.parts, target, set.pitch);
             values = Cow::Owned(equal);
         }
         let problem = self.problem(set, &placed, &values, contrast, at, grid);
-        let planes = solve(&problem, solution.planes, &self.settled(self.steps[1], &placed)).planes;
+        let planes = solve(&problem, solution.planes, &settled(self.steps[1])).planes;
         (planes, values)
     }
 
     /// Weights taken once, `steps` of conjugate gradients.
     fn one_solution(&self, steps: usize) -> SolveOptions {
         SolveOptions { reweightings: 0, steps, place_error: self.place_error, ..SolveOptions::default() }
-    }
-
-    /// The same, once it is known what the samples are worth.
-    fn settled(&self, steps: usize, placed: &Placed) -> SolveOptions {
-        let [least, most] = OUTLYING;
-        let most = least + (most - least) * (2.0 * placed.mean_weight() - 1.0).max(0.0);
-        SolveOptions { outlying: [least, most], ..self.one_solution(steps) }
     }
 
     fn grid(&self, width: usize, height: usize) -> Grid {
@@ -351,7 +349,8 @@ impl JointFit {
         let start = trust.mixed(planes, &carried);
         placed.weigh_others(&own, &trust);
         let problem = self.problem(set, &placed, &middle.equal, &contrast, at, &grid);
-        let mut picture = picture(&solve(&problem, start, &self.settled(self.steps[0], &placed)).planes);
+        let options = SolveOptions { outlying: placed.outlying(), ..self.one_solution(self.steps[0]) };
+        let mut picture = picture(&solve(&problem, start, &options).planes);
         dispatched(|| self.return_light(set, &middle.equal, target, &mut picture));
         Ok(picture)
     }

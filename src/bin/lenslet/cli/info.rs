@@ -13,7 +13,7 @@ use lenslet_core::container::{
 use lenslet_core::decode::{HexSamples, SamplesOrigin};
 use lenslet_core::dictionary;
 use lenslet_core::input::open_regular;
-use lenslet_core::lightfield::{self, Numbering, ReadOptions, ReadOrder};
+use lenslet_core::lightfield::{self, Numbering, ReadOptions, ReadOrder, ViewSource};
 use lenslet_core::progress::Observer;
 use serde_json::{Map, Value, json};
 
@@ -256,36 +256,48 @@ fn calibration_facts(path: &Path) -> anyhow::Result<Value> {
 }
 
 fn light_field(path: &Path, args: &Args) -> anyhow::Result<Value> {
-    let options = ReadOptions { header_only: true, ..args.read.options() };
-    let source = lightfield::open(path, &options)?;
+    let (source, looked_at) = opened(path, &args.read.options())?;
     let m = source.meta();
-    let one = m.views == [1, 1];
-    let mut json = json!({"kind": if one { "picture" } else { "light field" }});
+    let mut json = json!({"kind": if m.views == [1, 1] { "picture" } else { "light field" }});
     if let (Value::Object(all), Some(json)) = (json!(m), json.as_object_mut()) {
         json.extend(all);
     }
-    // A second time with the pictures, which may tell the order of the views.
-    let values = m.view_shape().0 * m.view_shape().1 * m.channels * m.views[0] * m.views[1];
-    let looked_at = !one && source.numbering() != Numbering::Described && (path.is_dir() || values <= LOOKED_AT);
-    let opened = if looked_at { lightfield::open(path, &args.read.options()).ok() } else { None };
-    let source = opened.as_deref().unwrap_or(&*source);
-    if looked_at || source.order().is_some() {
-        json["order"] = match source.order() {
-            Some(ReadOrder { order, agreement: Some(agreement) }) => {
-                json!({"views": order.to_string(), "found_by": "parallax", "agreement": agreement})
-            }
-            Some(ReadOrder { order, .. }) => json!({"views": order.to_string(), "found_by": "--order"}),
-            None => json!({"views": "rows", "found_by": "numbers alone, parallax does not tell"}),
-        };
-        json["views"] = json!(source.meta().views);
-        if let Some(weights) = &source.meta().weights {
-            json["weights"] = json!(weights);
+    match source.order() {
+        Some(ReadOrder { order, agreement: Some(agreement) }) => {
+            json["order"] = json!({"views": order.to_string(), "found_by": "parallax", "agreement": agreement});
         }
+        Some(ReadOrder { order, .. }) => {
+            json["order"] = json!({"views": order.to_string(), "found_by": "--order"});
+        }
+        None if looked_at => {
+            json["order"] = json!({"views": "rows", "found_by": "numbers alone, parallax does not tell"});
+        }
+        None => {}
     }
     if !source.notes().is_empty() {
         json["warnings"] = json!(source.notes());
     }
     Ok(json)
+}
+
+/// Opens a light field; whether the order of its views was looked for. Of a large array, and of what is damaged beyond
+/// its headers, these alone are read.
+fn opened(path: &Path, options: &ReadOptions) -> anyhow::Result<(Box<dyn ViewSource>, bool)> {
+    let headers = || lightfield::open(path, &ReadOptions { header_only: true, ..options.clone() });
+    let found_in =
+        |source: &dyn ViewSource| source.meta().views != [1, 1] && source.numbering() != Numbering::Described;
+    if path.is_dir() {
+        let source = lightfield::open(path, options).or_else(|_| headers())?;
+        let looked_at = found_in(&*source);
+        return Ok((source, looked_at));
+    }
+    let source = headers()?;
+    let m = source.meta();
+    let values = m.view_shape().0 * m.view_shape().1 * m.channels * m.views[0] * m.views[1];
+    if !found_in(&*source) || values > LOOKED_AT {
+        return Ok((source, false));
+    }
+    Ok((lightfield::open(path, options).unwrap_or(source), true))
 }
 
 fn calibration_images(kind: &str, path: &Path) -> anyhow::Result<Value> {
